@@ -113,33 +113,41 @@ class KernelReservoir:
         self._settled: dict[str, np.ndarray] = {}
         self._waiting: list[dict[str, np.ndarray]] = []
 
-    def add(self, kernel: np.ndarray, **columns: np.ndarray) -> np.ndarray:
-        """Adds the next rows of the experience; returns the `(m,)` that are kept for now.
+    def add(
+        self, kernel: np.ndarray, *, row: np.ndarray | None = None, **columns: np.ndarray
+    ) -> np.ndarray:
+        """Adds touches of the next rows of the experience; returns the `(m,)` kept for now.
 
         Each has a kernel, `(n,)`, or is left out if that is -1, and is kept with `(n, ...)`
-        columns, the same names every time.
+        columns, the same names every time. They are one of each row, or of rows `(n,)` that ascend
+        from 0 without a gap.
         """
-        # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
+        row = np.arange(len(kernel)) if row is None else row
+        # One draw a touch, in order: the i-th has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))
         taken = np.flatnonzero((kernel >= 0) & (priority < self._highest[kernel]))
         self._waiting.append(
             {
                 "kernel": np.asarray(kernel, dtype=np.int64)[taken],
-                "row": self.num_rows + taken,
+                "row": self.num_rows + row[taken],
                 "priority": priority[taken],
                 **{name: column[taken] for name, column in columns.items()},
             }
         )
-        self.num_rows += len(kernel)
+        self.num_rows += int(row[-1]) + 1 if len(row) else 0
         num_waiting = sum(len(part["row"]) for part in self._waiting)
         if num_waiting > max(len(self._settled.get("row", ())), _LEAST_WAITING):
             self._settle()
         return taken
 
-    def relabel(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
-        """Gives the rows, in the order of `sample`, to kernels `(R,)`, with some other columns."""
-        held, kernel = self.sample(), np.asarray(kernel, dtype=np.int64)
-        rows = {"row": held.row, **held.columns, "kernel": kernel, **columns}
+    def relabel(self, kernel: np.ndarray, touch: np.ndarray, **columns: np.ndarray) -> None:
+        """Gives touches to kernels `(n,)`, with some other columns.
+
+        They are, or are split from, touches `(n,)`, in the order of `sample`.
+        """
+        held = self.sample()
+        rows = {name: column[touch] for name, column in held.columns.items()}
+        rows |= {"row": held.row[touch], "kernel": np.asarray(kernel, dtype=np.int64), **columns}
         self._settled, self._waiting = {}, [rows]
         self._highest[:] = np.inf
         self._settle()

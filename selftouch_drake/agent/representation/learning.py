@@ -26,7 +26,7 @@ from selftouch_drake.agent.representation.set_distances import (
     set_distances,
 )
 from selftouch_drake.agent.representation.touches import (
-    ambiguous_touches,
+    Together,
     expected_readings,
     kernel_parts,
     receptors_together,
@@ -110,22 +110,22 @@ def learn(
             raise ValueError(f"{name} is {number!r}: give a whole number, {least} or more")
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
-    targets, scale, overlap, chance, expected, num_rows = _quantised(
+    targets, scale, together, expected, num_rows = _quantised(
         batches, num_targets, int(quantise_seed), progress
     )
     kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
     num_set_aside, total = 0, np.zeros(targets.shape)
-    for sensation, q in _in_blocks(batches()):
-        label, error = assign(_as_compared(sensation, expected), targets)
-        left_out = ambiguous_touches(sensation, overlap, chance)
+    for whole, q in _in_blocks(batches()):
+        row, sensation, left_out = together.places(whole)
         num_set_aside += int(left_out.sum())
+        label, error = assign(_as_compared(sensation, expected), targets)
         label[left_out] = -1
         felt = strength(sensation).astype(np.float32)
         if expected is not None:
             kept = np.flatnonzero(label >= 0)
             cells = csr_array((np.ones(len(kept)), (label[kept], kept)), (num_targets, len(label)))
             total += cells @ unit(sensation)
-        kernels.add(label, q=q.astype(np.float32), strength=felt, error=error)
+        kernels.add(label, row=row, q=q[row].astype(np.float32), strength=felt, error=error)
         progress(min(0.2 + 0.1 * kernels.num_rows / num_rows, 0.3), "motor kernels")
     if kernels.num_rows != num_rows:
         raise ValueError(
@@ -135,9 +135,11 @@ def learn(
     sample = kernels.sample()
     x = (sample.columns["q"] * scale).astype(np.float32)
     sets = KernelSets(x, sample.offsets(num_targets))
-    part = kernel_parts(targets, overlap)
+    part = kernel_parts(targets, together.near)
     progress(0.3, "joints that matter")
-    mode, mode_joints = touch_modes(sets, targets, part, seed=int(mode_seed))
+    mode, mode_joints = touch_modes(
+        sets, targets, part, double=together.double, seed=int(mode_seed)
+    )
     sets = sets.at(mattering(x, mode, mode_joints))
     distance = set_distances(
         sets,
@@ -154,7 +156,7 @@ def learn(
         kernel_mode=mode,
         mode_joints=mode_joints,
         joint_scale=scale,
-        overlap=overlap,
+        overlap=together.near,
         part=part,
         num_touches=num_rows,
         num_set_aside=num_set_aside,
@@ -169,7 +171,7 @@ def learn(
 
 def _quantised(
     batches: Batches, num_targets: int, seed: int, progress: Progress
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, np.ndarray | None, int]:
+) -> tuple[np.ndarray, np.ndarray, Together, np.ndarray | None, int]:
     """Reads the experience, and chooses target sensations and a scale of the joints.
 
     Returns these two, what `receptors_together` and `expected_readings` found, and the number of
@@ -185,19 +187,17 @@ def _quantised(
             "sensations: give a smaller number, or babble longer"
         )
     columns = some.sample().columns
-    overlap, chance = receptors_together(columns["sensation"])
-    kept = ~ambiguous_touches(columns["sensation"], overlap, chance)
-    if not kept.any():
-        raise ValueError(
-            "sensation has touches on several parts of the body in every row: babble until "
-            "each part is touched alone"
-        )
-    expected = expected_readings(columns["sensation"], overlap)
-    sensation, q = _as_compared(columns["sensation"][kept], expected), columns["q"][kept]
+    together = receptors_together(columns["sensation"])
+    row, sensation, left_out = together.places(columns["sensation"])
+    expected = expected_readings(columns["sensation"], together.near)
+    sensation = _as_compared(sensation[~left_out], expected)
+    kept = np.unique(row[~left_out])
+    whole, q = columns["sensation"][kept], columns["q"][kept]
     with thread_pool(1) as beside:
-        scaling = beside.submit(joint_scale, q, sensation)
-        targets = common_targets(sensation, num_targets, overlap if chance else None)
-    return targets, scaling.result(), overlap, chance, expected, some.num_rows
+        scaling = beside.submit(joint_scale, q, _as_compared(whole, expected))
+        near = together.near if together.chance else None
+        targets = common_targets(sensation, num_targets, near)
+    return targets, scaling.result(), together, expected, some.num_rows
 
 
 def _as_compared(sensation: np.ndarray, expected: np.ndarray | None) -> np.ndarray:
