@@ -66,3 +66,16 @@ def test_its_run_ends_with_a_report(robot, tmp_path):
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     tried = metrics.get("execution_num_pairs", 0) + metrics["planning_num_without_way"]
     assert tried == 2
+
+
+@pytest.mark.slow
+def test_fists_with_skin_are_parts_beside_what_they_press(tmp_path):
+    settings = {"seed": 31, "babbling": {"num_samples": 20_000}}
+    experiment, run = DATA / "infant_hands.yaml", tmp_path / "run"
+    for verb in ("babble", "learn"):
+        where = [experiment, "--out", run] if verb == "babble" else [run]
+        extra = ["--set", yaml.safe_dump(settings)] if verb == "babble" else []
+        selftouch(verb, *where, *extra)
+    figures = json.loads((run / "metrics.json").read_text())
+    assert figures["parts_found"] == 8
+    assert figures["representation_num_set_aside"] < 200

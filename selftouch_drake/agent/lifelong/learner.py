@@ -172,8 +172,7 @@ class OnlineLearner:
         num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
-        near = together.near if together.chance else None
-        targets = common_targets(felt[known], num_targets, near, or_fewer=True)
+        targets = common_targets(felt[known], num_targets, together, or_fewer=True)
         if self.knows:
             # Each takes the number of the most similar old one; further ones come last.
             before, now = linear_sum_assignment(-(self._targets @ targets.T))
@@ -212,7 +211,7 @@ class OnlineLearner:
         sets = KernelSets(x, known.offsets(len(self._targets)))
         mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
         mode[: len(x)], self._mode_joints = touch_modes(
-            sets, self._targets, self._part, double=self._together.double, seed=self._seed
+            sets, self._targets, self._part, self._together.double, seed=self._seed
         )
         self._memory.relabel(held.kernel, np.arange(len(mode)), mode=mode)
         self._num_held_for_modes = len(held.row)

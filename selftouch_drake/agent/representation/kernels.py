@@ -141,10 +141,7 @@ class KernelReservoir:
         return taken
 
     def relabel(self, kernel: np.ndarray, touch: np.ndarray, **columns: np.ndarray) -> None:
-        """Gives touches to kernels `(n,)`, with some other columns.
-
-        They are, or are split from, touches `(n,)`, in the order of `sample`.
-        """
+        """Gives copies of touches `(n,)` of `sample` to kernels `(n,)`, with some other columns."""
         held = self.sample()
         rows = {name: column[touch] for name, column in held.columns.items()}
         rows |= {"row": held.row[touch], "kernel": np.asarray(kernel, dtype=np.int64), **columns}

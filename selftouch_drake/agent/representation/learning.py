@@ -137,9 +137,7 @@ def learn(
     sets = KernelSets(x, sample.offsets(num_targets))
     part = kernel_parts(targets, together.near)
     progress(0.3, "joints that matter")
-    mode, mode_joints = touch_modes(
-        sets, targets, part, double=together.double, seed=int(mode_seed)
-    )
+    mode, mode_joints = touch_modes(sets, targets, part, together.double, seed=int(mode_seed))
     sets = sets.at(mattering(x, mode, mode_joints))
     distance = set_distances(
         sets,
@@ -192,11 +190,15 @@ def _quantised(
     expected = expected_readings(columns["sensation"], together.near)
     sensation = _as_compared(sensation[~left_out], expected)
     kept = np.unique(row[~left_out])
+    if not len(kept):
+        raise ValueError(
+            "sensation has touches on several parts of the body in every row: babble until "
+            "each part is touched alone"
+        )
     whole, q = columns["sensation"][kept], columns["q"][kept]
     with thread_pool(1) as beside:
         scaling = beside.submit(joint_scale, q, _as_compared(whole, expected))
-        near = together.near if together.chance else None
-        targets = common_targets(sensation, num_targets, near)
+        targets = common_targets(sensation, num_targets, together)
     return targets, scaling.result(), together, expected, some.num_rows
 
 
@@ -242,7 +244,7 @@ def with_graph(
 def common_targets(
     sensation: np.ndarray,
     num_targets: int,
-    overlap: np.ndarray | None,
+    together: Together,
     *,
     or_fewer: bool = False,
 ) -> np.ndarray:
@@ -251,14 +253,17 @@ def common_targets(
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
     So targets with hardly any touches, for their part, are dropped with their touches. If none come
-    together by chance, `overlap` `(S, S)` is None; the rest is as of `target_sensations`.
+    together by chance, this does nothing. The rest is as of `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)
-        if overlap is None:
+        if not together.chance:
             break
         label, _ = assign(sensation, targets)
-        size, part = np.bincount(label, minlength=len(targets)), kernel_parts(targets, overlap)
+        size, part = (
+            np.bincount(label, minlength=len(targets)),
+            kernel_parts(targets, together.near),
+        )
         typical = np.array([np.median(size[part == number]) for number in range(part.max() + 1)])
         rare = size < _RARE * typical[part]
         if not rare.any():

@@ -31,8 +31,7 @@ class QuotientRepresentation(Record):
         target_sensations: `(K, S)` target sensations, unit L2 norm.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         kernel_q: `(R, J)` in the robot's units, motor configurations, grouped by kernel.
-        kernel_row: `(R,)` row of each configuration in the experience; kernels of several parts may
-            share one.
+        kernel_row: `(R,)` row of each configuration in the experience, one for each place.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         kernel_mode: `(R,)` mode of each touch, which determines the joints that matter to it;

@@ -116,8 +116,8 @@ def touch_modes(
     sets: KernelSets,
     target_sensations: np.ndarray,
     part: np.ndarray,
-    *,
     double: bool,
+    *,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Finds the modes of touch, and the mode of each stored configuration.

@@ -4,9 +4,8 @@ The agent does not know where its receptors are. But receptors with overlapping 
 touches again and again, and distant ones do not. So receptors can be grouped into parts of the
 body, and a sensation can be split into separate touches.
 
-Where a hand with a skin presses a skin, one touch is felt in two places, at each time in other
-pairs of them. A skin that hardly ever feels alone is such a hand: it is a part by itself, and each
-place counts as a touch of its own.
+A hand with a skin feels what it presses, each time with other places: a skin that hardly ever feels
+alone is such a hand, and its touches count for a place on either side.
 """
 
 from __future__ import annotations
@@ -35,20 +34,14 @@ _LEAST_NEAR = 0.1
 _LEAST_FELT = 20
 
 #: Receptors are of one skin if they share this many touches, over the geometric mean of theirs, as
-#: a share of what either shares with its best partner. On an infant whose fists wear skin, two
-#: skins share half as much as neighbours do. Fewer receptors than the second number are the rim of
-#: a skin, and join the one with which they share most.
+#: a share of what either shares with its best partner: with fists that wear skin, two skins of an
+#: infant share half as much as neighbours do. Two skins that a fist presses at once share up to
+#: 0.48 of the touches of the rarer receptor. Less than `_FEWEST` receptors are a rim of a skin.
 _OF_ONE_SKIN, _FEWEST = 0.6, 5
 
-#: A skin presses others if it is felt alone in a smaller share of its touches, and if what is felt
-#: elsewhere differs: mean length of the mean of what is felt (unit length) when one receptor of
-#: this skin is the strongest.
+#: A skin presses others if it feels alone in fewer touches, and if what is felt elsewhere varies:
+#: where one of its receptors is the strongest, the mean of the rest (unit length) is shorter.
 _ALONE, _ELSEWHERE = 0.25, 0.5
-
-#: Where skins press skins, two of them are one part if receptors of both feel this share of the
-#: touches of the rarer one. A hand with skin is thick enough to press an arm and the torso at once:
-#: on the infant it does so in up to 0.48.
-_PRESSED_AT_ONCE = 0.6
 
 #: Touches of two places at once count as coincidence up to this share. Random walks of the paper's
 #: arm touch in at most 8 % of their steps, so two such arms touch together in at most 4 % of all
@@ -71,14 +64,10 @@ class Together:
     double: bool
 
     def places(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Takes `(n, S)` N sensations apart into what is felt at the places that are learned from.
+        """Takes `(n, S)` N sensations apart into those of the places that are learned from.
 
-        A double touch is one of each part. Otherwise, touches of several parts belong to no single
-        one, and are left out, as are coincidences within a part.
-
-        Returns:
-            `(m,)` the sensation that each place is of, ascending; `(m, S)` N, what is felt there;
-            `(m,)` bool, those that are left out.
+        Returns `(m,)` the sensation that each is of, ascending; `(m, S)` N; and `(m,)` bool, those
+        that are left out: coincidences, and touches of several parts that are not double.
         """
         sensation, one_part = np.asarray(sensation), _of_one_part(self.near)
         row = np.arange(len(sensation))
@@ -98,9 +87,7 @@ def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     known = felt >= _LEAST_FELT
     skin, presses = _skins(np.asarray(sensation), shared * rarer, felt, known)
     beyond = skin[:, None] != skin
-    shared[
-        beyond & (presses[:, None] | presses | (presses.any() & (shared < _PRESSED_AT_ONCE)))
-    ] = 0.0
+    shared[beyond & (presses[:, None] | presses | (presses.any() & (shared < _OF_ONE_SKIN)))] = 0.0
     overlap = (shared >= _LEAST_SHARED) & np.logical_and.outer(known, known)
     # A receptor that overlaps with none, or felt too few touches, joins its best partner: alone it
     # would be a part of the body.
@@ -133,7 +120,8 @@ def receptors_together(sensation: np.ndarray) -> Together:
     near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & one_part)
     several = Together(overlap, True, double).places(sensation)[2]
     of_parts = Together(overlap, False, double).places(sensation)[2]
-    chance = several.any() and np.mean(several & ~of_parts) < _MOST_BY_CHANCE
+    # Two hands with skin may touch so near to each other that no touch shows that there are two.
+    chance = (double or several.any()) and np.mean(several & ~of_parts) < _MOST_BY_CHANCE
     return Together(near, bool(chance), double)
 
 
@@ -169,8 +157,7 @@ def _skins(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`(S,)` the skin of each receptor, and `(S,)` bool, whether that skin presses others.
 
-    By `(n, S)` N sensations; `(S, S)` touches of two receptors and `(S,)` of each, and whether
-    these are enough.
+    The counts of touches are `(S, S)` and `(S,)`; `(S,)` bool says which receptors felt enough.
     """
     alike = together / np.maximum(np.sqrt(np.outer(felt, felt)), 1.0)
     best = np.where(known[:, None] & known, alike, 0.0).max(axis=1)
