@@ -40,8 +40,9 @@ def rows(run: RunDirectory) -> Iterator[dict[str, object]]:
     sizes = {"num_targets": settings.num_targets, "max_kernel_size": settings.max_kernel_size}
     known = learn(lambda: touches, **sizes, seed=seed).representation
     contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
-    fields = [skin.fields for skin in stages.make_world(run).skins]
-    truth = kernel_truth(known, contacts[known.kernel_row]).on_surface(fields)
+    world = stages.make_world(run)
+    fields = [skin.fields for skin in world.skins]
+    truth = kernel_truth(known, contacts[known.kernel_row], world.receptor_skin).on_surface(fields)
     for number in range(known.num_parts):
         kernels = np.flatnonzero(known.part == number)
         place, part = truth.positions[kernels], known.restricted(kernels)

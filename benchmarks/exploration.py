@@ -193,7 +193,7 @@ def scores(
     representation: QuotientRepresentation, contacts: Contacts, world: World, metrics: list[str]
 ) -> dict[str, Any]:
     """Error and holes by each metric, and share of planned paths that is in contact."""
-    truth = kernel_truth(representation, contacts[representation.kernel_row])
+    truth = kernel_truth(representation, contacts[representation.kernel_row], world.receptor_skin)
     found: dict[str, Any] = {}
     for metric in metrics:
         body = recover(representation, metric)

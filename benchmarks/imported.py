@@ -119,7 +119,7 @@ def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metri
     body = agent.recover(metric)
     seconds = time.process_time() - began
     known = agent.representation
-    truth = kernel_truth(known, contacts[felt.rows[known.kernel_row]])
+    truth = kernel_truth(known, contacts[felt.rows[known.kernel_row]], world.receptor_skin)
     errors = shape_errors(body.positions, known.part, truth)
     part, held = body.parts[0], 100 * contact(agent, world)
     holes = "" if part.topology is None else " ".join(map(str, part.topology.betti))

@@ -106,7 +106,8 @@ class Experience:
         self.q = ExperienceReader(run.experience).read("q")
         self.sensation = ExperienceReader(run.experience).read("sensation")
         self.contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
-        self.fields = [skin.fields for skin in stages.make_world(run).skins]
+        world = stages.make_world(run)
+        self.fields, self.receptor_skin = [s.fields for s in world.skins], world.receptor_skin
 
     def felt(self, case: Case) -> tuple[np.ndarray, np.ndarray, Contacts]:
         """Sensations, motor configurations and true contacts of rows that are not null."""
@@ -166,7 +167,8 @@ def rows(
     """The rows of one case, one per metric and network seed."""
     sensation, q, contacts = experience.felt(case)
     representation, seconds = learned_representation(case, sensation, q)
-    truth = kernel_truth(representation, contacts[representation.kernel_row])
+    contacts = contacts[representation.kernel_row]
+    truth = kernel_truth(representation, contacts, experience.receptor_skin)
     on_surface = truth.on_surface(experience.fields)
     common = {
         "rows": len(q),

@@ -163,11 +163,13 @@ def touches(arguments: argparse.Namespace) -> None:
     else:
         data = collect(arguments.seed, arguments.rows)
         np.savez(arguments.data, **data)
-    overlap = overlapping(data["as_"])
-    number, parts = separate_touches(data["s"], overlap)
-    one_number, _ = separate_touches(data["as_"], overlap)
+    overlap, _ = overlapping(data["as_"])
+    row, parts = separate_touches(data["s"], overlap)
+    one_number = np.bincount(separate_touches(data["as_"], overlap)[0])
+    number = np.bincount(row)
     two = number == 2
-    q, even, p_WF = data["q"][two], equal_touches(parts[two]), data["p"][two].astype(float)
+    parts = parts[two[row]].reshape(int(two.sum()), 2, -1)
+    q, even, p_WF = data["q"][two], equal_touches(parts), data["p"][two].astype(float)
     all_true, true = num_touching(data["ap"]), num_touching(data["p"])
     share = float((all_true == 2).mean())
     print(f"touches of both fingers: {share:.1%} of all; found by the agent: ", end="")

@@ -169,7 +169,8 @@ def other_ways(
         # On a step without a link, the joints that move are not those that touch.
         elif plan.links[step] >= 0 and (slid := slider.slide(x_from, x_to)) is not None:
             passed, felt = slid
-            node = (felt @ representation.target_sensations.T).argmax(axis=1)
+            part = representation.part == representation.part[plan.nodes[step]]
+            node = np.where(part, felt @ representation.target_sensations.T, 0.0).argmax(axis=1)
         # An empty slide means that the step is already as short as a part of a slide.
         if len(passed):
             slides = slides.and_also(x_from, x_to, passed, node)

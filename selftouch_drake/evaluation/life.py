@@ -55,7 +55,7 @@ def quality(learner: OnlineLearner, world: World, num_pairs: int) -> Quality:
         felt.row, felt.skin, felt.toucher, felt.p_LC, np.arange(known.num_rows)
     )
     try:
-        truth = kernel_truth(known, contacts)
+        truth = kernel_truth(known, contacts, world.receptor_skin)
     except ValueError:
         truth = None
     errors = {} if truth is None else shape_errors(body.positions, known.part, truth)

@@ -30,7 +30,7 @@ class KernelTruth:
         skin: `(K,)` number of the skin that most of a kernel's contacts are on.
         positions: `(K, 3)` m, the median of its contacts on that skin, in the frame of its link.
         spread: `(K,)` m, root mean square distance of these contacts from their mean.
-        share_single: of all configurations of the kernels, those with one contact alone.
+        share_single: of all configurations of the kernels, those without two contacts there.
     """
 
     skin: np.ndarray
@@ -56,11 +56,14 @@ class KernelTruth:
         return replace(self, positions=positions)
 
 
-def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> KernelTruth:
+def kernel_truth(
+    representation: QuotientRepresentation, contacts: Contacts, receptor_skin: np.ndarray
+) -> KernelTruth:
     """Where each motor kernel set truly touches.
 
     The contacts are those of each row of `kernel_q`, as `ExperienceReader.take_contacts` gives them
-    for `kernel_row`.
+    for `kernel_row`. Where a skin presses a skin, a touch has one on either: that of the kernel's
+    strongest receptor counts, by `(S,)` the skin of each.
 
     Raises:
         ValueError: there are contacts of another number of rows, or a kernel has none at all.
@@ -70,7 +73,9 @@ def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> 
             f"contacts has {len(contacts)} rows, the kernels "
             f"{len(representation.kernel_row)}; give one for each of kernel_row"
         )
-    skin, positions, spread = [], [], []
+    skin, positions, spread, num_several = [], [], [], 0
+    of_row = contacts.row
+    strongest = receptor_skin[representation.target_sensations.argmax(axis=1)]
     for kernel in range(representation.num_targets):
         rows = representation.members(kernel)
         here = slice(*contacts.offsets[[rows.start, rows.stop]])
@@ -78,8 +83,11 @@ def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> 
             raise ValueError(
                 f"kernel {kernel} has no contact; the truth belongs to another experience"
             )
-        pressed = int(np.bincount(contacts.skin[here]).argmax())
-        p_LC = contacts.p_LC[here][contacts.skin[here] == pressed].astype(float)
+        touched = contacts.skin[here]
+        own = strongest[kernel]
+        pressed = int(own if own in touched else np.bincount(touched).argmax())
+        p_LC = contacts.p_LC[here][touched == pressed].astype(float)
+        num_several += int(np.sum(np.bincount(of_row[here][touched == pressed]) > 1))
         skin.append(pressed)
         positions.append(np.median(p_LC, axis=0))
         spread.append(np.sqrt(p_LC.var(axis=0).sum()))
@@ -87,7 +95,7 @@ def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> 
         skin=np.array(skin),
         positions=np.array(positions),
         spread=np.array(spread),
-        share_single=float(np.mean(np.diff(contacts.offsets) == 1)),
+        share_single=1.0 - num_several / len(contacts),
     )
 
 

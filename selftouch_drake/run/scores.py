@@ -44,7 +44,7 @@ def score_body(
         [(s.vertices, s.faces, n) for s, n in zip(fields, counts.counts, strict=True)]
     )
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
-    truth = kernel_truth(representation, contacts)
+    truth = kernel_truth(representation, contacts, world.receptor_skin)
     if not truth.is_surface:
         return metrics
     wanted = run.experiment.evaluation.shape_metrics

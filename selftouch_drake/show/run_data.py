@@ -118,7 +118,8 @@ class RunData:
             require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
         except StoreError as error:
             raise MissingError(str(error)) from None
-        return kernel_truth(representation, self._truth.take_contacts(representation.kernel_row))
+        contacts = self._truth.take_contacts(representation.kernel_row)
+        return kernel_truth(representation, contacts, self.world.receptor_skin)
 
     @cached_property
     def recovered(self) -> tuple[RecoveredSkin, ...]:

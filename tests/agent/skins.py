@@ -69,7 +69,7 @@ def readings(points: np.ndarray, sensors: np.ndarray, width: float) -> np.ndarra
     return np.clip(1.0 - apart / width, 0.0, None)
 
 
-def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0):
+def touch(shapes, num_rows, *, num_receptors=60, double=0.0, hand=None, width=0.75, seed=0):
     """Touches of several skins, 6 apart along the first joint.
 
     Args:
@@ -77,6 +77,8 @@ def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0)
         num_rows: touches, spread evenly over the skins.
         num_receptors: of each skin.
         double: share of the touches in which a second hand, with three more joints, touches too.
+        hand: shape of the skin that the hand wears, if any; any place of it may touch. Its
+            receptors come last, and three more joints say where it is pressed.
         width: of the receptive fields.
         seed: of all randomness.
 
@@ -85,7 +87,7 @@ def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0)
     """
     rng = np.random.default_rng(seed)
 
-    def hand():
+    def one():
         skin = rng.integers(len(shapes), size=num_rows)
         place = np.empty((num_rows, 3))
         for number, shape in enumerate(shapes):
@@ -101,14 +103,19 @@ def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0)
         at = place + 6.0 * skin[:, None] * np.array([1.0, 0.0, 0.0])
         return skin, place, felt * rng.uniform(0.2, 1.0, (num_rows, 1)), at
 
-    skin, place, sensation, at = hand()
+    skin, place, sensation, at = one()
     q = [at, rng.uniform(-0.3, 0.3, (num_rows, 2))]
     if double:
-        _, _, more, elsewhere = hand()
+        _, _, more, elsewhere = one()
         both = rng.random(num_rows) < double
         sensation = sensation + more * both[:, None]
         # A hand that does not touch may be anywhere.
         q.append(np.where(both[:, None], elsewhere, rng.uniform(-2.0, 8.0, (num_rows, 3))))
+    if hand:
+        pressed = SHAPES[hand](rng, num_rows)
+        own = readings(pressed, receptors(hand, num_receptors), width)
+        sensation = np.concatenate([sensation, own * sensation.max(axis=1, keepdims=True)], axis=1)
+        q.append(pressed)
     kept = sensation.any(axis=1)
     columns = (np.concatenate(q, axis=1).astype(np.float32), sensation.astype(np.float32))
     return (*(c[kept] for c in columns), skin[kept], place[kept])

@@ -190,6 +190,32 @@ def test_two_touches_that_are_the_rule_are_kept():
     assert representation.num_parts == 1
 
 
+def test_a_touch_of_a_hand_with_skin_counts_for_both_places():
+    q, sensation, skin, place = touch(["sphere", "tube"], 16_000, hand="cap")
+    agent = Agent.learn(q, sensation, num_targets=240)
+    known = agent.representation
+    assert known.num_parts == 3
+    assert known.num_set_aside == 0
+    of_receptor = known.target_sensations.argmax(axis=1) // 60
+    of_part = [np.unique(of_receptor[known.part == part]).tolist() for part in range(3)]
+    assert sorted(of_part) == [[0], [1], [2]]
+    # A touch is a member of a kernel of the hand, and of one of what it pressed.
+    rows = [known.kernel_row[known.members(kernel)] for kernel in range(240)]
+    on = [np.concatenate([rows[k] for k in np.flatnonzero(of_receptor == n)]) for n in range(3)]
+    assert not np.intersect1d(on[0], on[1]).size
+    assert np.intersect1d(on[2], np.concatenate(on[:2])).size > 0.95 * len(q)
+    # Each place is as the skin alone would tell it.
+    for number in (0, 1):
+        here = np.flatnonzero(of_receptor == number)
+        assert (skin[on[number]] == number).all()
+        assert np.median([np.linalg.norm(place[rows[k]].std(axis=0)) for k in here]) < 0.25
+    both = felt_kernels(known, sensation[0])
+    assert {2, skin[0]} == set(of_receptor[both])
+    body = agent.recover("sensorimotor")
+    holes = {of_part[n][0]: part.topology.betti for n, part in enumerate(body.parts)}
+    assert holes == {0: (1, 0, 1), 1: (1, 1, 0), 2: (1, 0, 0)}
+
+
 def test_touches_that_run_from_skin_to_skin_join_them():
     # Two halves of one sphere, each with its own receptors.
     q, sensation, _, _ = touch(["sphere"], 12_000)

@@ -32,15 +32,17 @@ def representation(sizes):
 def test_a_kernel_is_where_most_of_its_contacts_are(hand):
     a, b, c = [0.0, 0.0, 1.0], [0.0, 0.2, 1.0], [0.0, 0.1, 1.0]
     hand.touch((0, 0, a)).touch((0, 0, b)).touch((0, 0, c))
-    # The second kernel is on skin 1, but for one touch; two of its touches are at two places.
-    hand.touch((1, 0, [1.0, 0, 0]), (0, 1, a)).touch((1, 0, [1.0, 0, 0])).touch((0, 0, a))
-    hand.touch((1, 0, [3.0, 0, 0]), (0, 1, a)).touch((1, 1, [1.0, 0, 0]))
-    truth = kernel_truth(representation([3, 5]), hand.contacts())
+    # The second kernel is on skin 1, but for one touch; one of its touches is at two places there.
+    # It is a double touch: another skin is touched more often than its own.
+    x = [1.0, 0.0, 0.0]
+    hand.touch((1, 0, x), (1, 1, x)).touch((1, 0, x), (0, 1, a), (0, 2, a)).touch((0, 0, a))
+    hand.touch((1, 0, [3.0, 0, 0]), (0, 1, a), (0, 2, a)).touch((1, 1, x), (0, 1, a), (0, 2, a))
+    truth = kernel_truth(representation([3, 5]), hand.contacts(), np.array([0, 1]))
     np.testing.assert_array_equal(truth.skin, [0, 1])
     np.testing.assert_allclose(truth.positions, [c, [1.0, 0.0, 0.0]], atol=1e-6)
-    spread = [np.std([0.0, 0.2, 0.1]), np.std([1.0, 1.0, 3.0, 1.0])]
+    spread = [np.std([0.0, 0.2, 0.1]), np.std([1.0, 1.0, 1.0, 3.0, 1.0])]
     np.testing.assert_allclose(truth.spread, spread, atol=1e-6)
-    assert truth.share_single == pytest.approx(6 / 8)
+    assert truth.share_single == pytest.approx(7 / 8)
     assert not truth.is_surface
 
 
@@ -49,9 +51,9 @@ def test_nineteen_of_twenty_touches_at_one_place_make_a_surface(hand):
     hand.touch((0, 0, p), (0, 1, p))
     for _ in range(19):
         hand.touch((0, 0, p))
-    assert kernel_truth(representation([20]), hand.contacts()).is_surface
+    assert kernel_truth(representation([20]), hand.contacts(), np.zeros(1, int)).is_surface
     hand.touch((0, 0, p), (0, 1, p))
-    assert not kernel_truth(representation([21]), hand.contacts()).is_surface
+    assert not kernel_truth(representation([21]), hand.contacts(), np.zeros(1, int)).is_surface
 
 
 def test_truth_of_other_touches_is_refused(hand):
@@ -59,11 +61,11 @@ def test_truth_of_other_touches_is_refused(hand):
     with pytest.raises(
         ValueError, match=r"^contacts has 2 rows, the kernels 3; give one for each of kernel_row$"
     ):
-        kernel_truth(representation([3]), hand.contacts())
+        kernel_truth(representation([3]), hand.contacts(), np.zeros(1, int))
     with pytest.raises(
         ValueError, match=r"^kernel 1 has no contact; the truth belongs to another experience$"
     ):
-        kernel_truth(representation([1, 1]), hand.contacts())
+        kernel_truth(representation([1, 1]), hand.contacts(), np.zeros(2, int))
 
 
 @pytest.fixture

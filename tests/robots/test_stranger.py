@@ -66,3 +66,13 @@ def test_its_run_ends_with_a_report(robot, tmp_path):
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
     tried = metrics.get("execution_num_pairs", 0) + metrics["planning_num_without_way"]
     assert tried == 2
+
+
+@pytest.mark.slow
+def test_fists_with_skin_are_parts_beside_what_they_press(tmp_path):
+    settings = yaml.safe_dump({"seed": 31, "babbling": {"num_samples": 20_000}})
+    run = tmp_path / "run"
+    selftouch("babble", DATA / "infant_hands.yaml", "--out", run, "--set", settings)
+    selftouch("learn", run)
+    figures = json.loads((run / "metrics.json").read_text())
+    assert figures["parts_found"] == 8

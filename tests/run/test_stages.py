@@ -196,7 +196,7 @@ def test_scores_against_the_truth(run):
     body, world = load_body(run, representation), World(run.experiment)
     figures = scores.score_body(run, world, representation, body)
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
-    truth = kernel_truth(representation, contacts)
+    truth = kernel_truth(representation, contacts, world.receptor_skin)
     on_surface = truth.on_surface([skin.fields for skin in world.skins])
     for key, true in (("surface", on_surface.positions), ("shape", truth.positions)):
         _, _, disparity = procrustes(true, body.positions)

@@ -28,7 +28,7 @@ from selftouch_drake.agent.representation.quotient import (
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
-    ambiguous_touches,
+    Together,
     kernel_parts,
     receptors_together,
 )
@@ -69,11 +69,10 @@ class OnlineLearner:
         # The last one is not a kernel: it holds touches of several places, which are set aside.
         self._memory = KernelReservoir(num_targets + 1, max_kernel_size, seed=seed)
         self._num_set_aside = 0
-        # Chosen now and then, as of `QuotientRepresentation`; whether touches of two places of a
-        # part come together by chance; and the number of touches at that time.
+        # Chosen now and then, as of `QuotientRepresentation`; and the number of touches then.
         self._targets = np.zeros((0, 0), dtype=np.float32)
-        self._overlap = self._part = self._joint_scale = np.zeros(0)
-        self._chance, self._laid_out_at = False, 0
+        self._part = self._joint_scale = np.zeros(0)
+        self._together, self._laid_out_at = Together(np.zeros((0, 0), dtype=bool), False, False), 0
         # Greatest cosine distance between a touch of one place and its target; share of touches
         # farther than that at that time: touches of several places at once.
         self._reach = self._unlike = 0.0
@@ -102,9 +101,10 @@ class OnlineLearner:
         if not len(q):
             return
         self._known = None
+        row, felt = np.arange(len(q)), sensation
         if self.knows:
-            label, error = assign(sensation, self._targets)
-            aside = ambiguous_touches(sensation, self._overlap, self._chance)
+            row, felt, aside = self._together.places(sensation)
+            label, error = assign(felt, self._targets)
             label = np.where(aside, self.num_targets, label)
             self._num_unlike += int(np.sum(error > self._reach))
         else:
@@ -116,13 +116,14 @@ class OnlineLearner:
         mode = 0 if len(self._mode_joints) == 1 else NO_MODE
         taken = self._memory.add(
             label,
-            q=np.asarray(q, dtype=np.float32),
-            sensation=np.asarray(sensation, dtype=np.float32),
-            strength=strength(sensation).astype(np.float32),
+            row=row,
+            q=np.asarray(q, dtype=np.float32)[row],
+            sensation=np.asarray(sensation, dtype=np.float32)[row],
+            strength=strength(felt).astype(np.float32),
             error=error,
-            mode=np.full(len(q), mode, dtype=np.int8),
+            mode=np.full(len(row), mode, dtype=np.int8),
         )
-        added = np.bincount(label[taken], minlength=self.num_targets + 1)
+        added = np.bincount(taken, minlength=self.num_targets + 1)
         self._size = np.minimum(self._size + added, self._max_kernel_size)
         self._changed += added
         self._num_new += len(taken)
@@ -158,20 +159,20 @@ class OnlineLearner:
     def _lay_out(self) -> None:
         """Chooses targets again and assigns each remembered touch to the most similar one."""
         held = self.remembered()
-        q, sensation = held.columns["q"], held.columns["sensation"]
+        # A double touch is remembered once for each part.
+        first = np.sort(np.unique(held.row, return_index=True)[1])
+        q, sensation = held.columns["q"][first], held.columns["sensation"][first]
         some = np.arange(len(q))
         if len(some) > MAX_ROWS:
             rng = np.random.default_rng([self._seed, self.num_touches])
             some = np.sort(rng.choice(some, MAX_ROWS, replace=False))
-        overlap, chance = receptors_together(sensation[some])
-        aside = ambiguous_touches(sensation, overlap, chance)
-        some = some[~aside[some]]
-        num_targets = min(len(some) // _TOUCHES_A_TARGET, self.num_targets)
+        together = receptors_together(sensation[some])
+        touch, felt, aside = together.places(sensation)
+        known = ~aside & np.isin(touch, some)
+        num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
-        targets = common_targets(
-            sensation[some], num_targets, overlap if chance else None, or_fewer=True
-        )
+        targets = common_targets(felt[known], num_targets, together, or_fewer=True)
         if self.knows:
             # Each takes the number of the most similar old one; further ones come last.
             before, now = linear_sum_assignment(-(self._targets @ targets.T))
@@ -179,16 +180,24 @@ class OnlineLearner:
             targets = targets[np.concatenate([now, np.setdiff1d(np.arange(len(targets)), now)])]
         else:
             self._mode_joints = np.ones((1, q.shape[1]), dtype=bool)
-        label, error = assign(sensation, targets)
-        self._memory.relabel(np.where(aside, self.num_targets, label), error=error)
-        self._targets, self._overlap, self._chance = targets, overlap, chance
-        self._part = kernel_parts(targets, overlap)
+        label, error = assign(felt, targets)
+        of = first[touch]
+        self._memory.relabel(
+            np.where(aside, self.num_targets, label),
+            of,
+            strength=strength(felt).astype(np.float32),
+            error=error,
+            mode=np.where(together.double, NO_MODE, held.columns["mode"][of]),
+        )
+        self._targets, self._together = targets, together
+        self._part = kernel_parts(targets, together.near)
+        some = np.unique(touch[known])
         self._joint_scale = joint_scale(q[some], sensation[some])
-        self._reach = float(error[some].max())
+        self._reach = float(error[known].max())
         self._unlike = float(np.mean(error > self._reach))
         self._laid_out_at = self.num_touches
         held = self.remembered()
-        if len(q) >= (1.0 + _NEW_FOR_MODES) * self._num_held_for_modes:
+        if together.double or len(q) >= (1.0 + _NEW_FOR_MODES) * self._num_held_for_modes:
             self._find_modes(held)
         self._size = np.bincount(held.kernel, minlength=self.num_targets + 1)
         self._distance = np.zeros((len(targets),) * 2, dtype=np.float32)
@@ -202,9 +211,9 @@ class OnlineLearner:
         sets = KernelSets(x, known.offsets(len(self._targets)))
         mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
         mode[: len(x)], self._mode_joints = touch_modes(
-            sets, self._targets, self._part, seed=self._seed
+            sets, self._targets, self._part, self._together.double, seed=self._seed
         )
-        self._memory.relabel(held.kernel, mode=mode)
+        self._memory.relabel(held.kernel, np.arange(len(mode)), mode=mode)
         self._num_held_for_modes = len(held.row)
 
     @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -234,7 +243,7 @@ class OnlineLearner:
             kernel_mode=mode,
             mode_joints=self._mode_joints,
             joint_scale=self._joint_scale,
-            overlap=self._overlap,
+            overlap=self._together.near,
             part=self._part,
             num_touches=self.num_touches,
             num_set_aside=self._num_set_aside,

@@ -114,15 +114,17 @@ class Draw:
     first_row: int
     highest: np.ndarray
 
-    def take(self, kernel: np.ndarray, **columns: np.ndarray) -> dict[str, np.ndarray]:
-        """The rows that may be kept, of `(n,)` kernels, -1 for none, and `(n, ...)` columns."""
+    def take(
+        self, kernel: np.ndarray, row: np.ndarray, **columns: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """The touches that may be kept; arguments are as of `KernelReservoir.add`."""
         # The i-th row has the i-th draw, however rows are cut.
         random = np.random.Generator(np.random.PCG64(self.seed).advance(self.first_row))
-        priority = random.random(len(kernel))
+        priority = random.random(int(row[-1]) + 1 if len(row) else 0)[row]
         taken = np.flatnonzero((kernel >= 0) & (priority < self.highest[kernel]))
         return {
             "kernel": np.asarray(kernel, dtype=np.int64)[taken],
-            "row": self.first_row + taken,
+            "row": self.first_row + row[taken],
             "priority": priority[taken],
             **{name: column[taken] for name, column in columns.items()},
         }
@@ -140,16 +142,19 @@ class KernelReservoir:
         self._settled: dict[str, np.ndarray] = {}
         self._waiting: list[dict[str, np.ndarray]] = []
 
-    def add(self, kernel: np.ndarray, **columns: np.ndarray) -> np.ndarray:
-        """Adds the next rows of the experience; returns the `(m,)` that are kept for now.
+    def add(
+        self, kernel: np.ndarray, *, row: np.ndarray | None = None, **columns: np.ndarray
+    ) -> np.ndarray:
+        """Adds touches of the next rows of the experience; returns the kernels of what is kept.
 
         Each has a kernel, `(n,)`, or is left out if that is -1, and is kept with `(n, ...)`
-        columns, the same names every time.
+        columns, the same names every time. They are one of each row, or of rows `(n,)` that ascend
+        from 0 without a gap.
         """
-        first_row = self.num_rows
-        taken = self.draw(first_row).take(kernel, **columns)
-        self.keep(taken, len(kernel))
-        return taken["row"] - first_row
+        row = np.arange(len(kernel)) if row is None else row
+        taken = self.draw(self.num_rows).take(kernel, row, **columns)
+        self.keep(taken, int(row[-1]) + 1 if len(row) else 0)
+        return taken["kernel"]
 
     def draw(self, first_row: int) -> Draw:
         """Which rows may be kept from a row on, by what is known now."""
@@ -163,10 +168,11 @@ class KernelReservoir:
         if num_waiting > max(len(self._settled.get("row", ())), _LEAST_WAITING):
             self._settle()
 
-    def relabel(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
-        """Gives the rows, in the order of `sample`, to kernels `(R,)`, with some other columns."""
-        held, kernel = self.sample(), np.asarray(kernel, dtype=np.int64)
-        rows = {"row": held.row, **held.columns, "kernel": kernel, **columns}
+    def relabel(self, kernel: np.ndarray, touch: np.ndarray, **columns: np.ndarray) -> None:
+        """Gives copies of touches `(n,)` of `sample` to kernels `(n,)`, with some other columns."""
+        held = self.sample()
+        rows = {name: column[touch] for name, column in held.columns.items()}
+        rows |= {"row": held.row[touch], "kernel": np.asarray(kernel, dtype=np.int64), **columns}
         self._settled, self._waiting = {}, [rows]
         self._highest[:] = np.inf
         self._settle()

@@ -38,7 +38,7 @@ from selftouch_drake.agent.representation.set_distances import (
     set_distances,
 )
 from selftouch_drake.agent.representation.touches import (
-    ambiguous_touches,
+    Together,
     expected_readings,
     kernel_parts,
     receptors_together,
@@ -115,12 +115,12 @@ def learn(
             raise ValueError(f"{name} is {number!r}: give a whole number, {least} or more")
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
-    targets, scale, overlap, chance, expected, num_rows = _quantised(
+    targets, scale, together, expected, num_rows = _quantised(
         batches, num_targets, int(quantise_seed), progress, each
     )
     kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
     num_set_aside, total = 0, np.zeros(targets.shape)
-    sort = partial(_sorted, targets, overlap, chance, expected)
+    sort = partial(_sorted, targets, together, expected)
     for taken, rows, left_out, felt in passed(sort, kernels, batches(), each):
         kernels.keep(taken, rows)
         num_set_aside += left_out
@@ -134,9 +134,9 @@ def learn(
     sample = kernels.sample()
     x = (sample.columns["q"] * scale).astype(np.float32)
     sets = KernelSets(x, sample.offsets(num_targets))
-    part = kernel_parts(targets, overlap)
+    part = kernel_parts(targets, together.near)
     progress(0.3, "joints that matter")
-    mode, mode_joints = touch_modes(sets, targets, part, seed=int(mode_seed))
+    mode, mode_joints = touch_modes(sets, targets, part, together.double, seed=int(mode_seed))
     sets = sets.at(mattering(x, mode, mode_joints))
     distance = set_distances(
         sets,
@@ -153,7 +153,7 @@ def learn(
         kernel_mode=mode,
         mode_joints=mode_joints,
         joint_scale=scale,
-        overlap=overlap,
+        overlap=together.near,
         part=part,
         num_touches=num_rows,
         num_set_aside=num_set_aside,
@@ -168,7 +168,7 @@ def learn(
 
 def _quantised(
     batches: Batches, num_targets: int, seed: int, progress: Progress, each: Map
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, np.ndarray | None, int]:
+) -> tuple[np.ndarray, np.ndarray, Together, np.ndarray | None, int]:
     """Reads the experience, and chooses target sensations and a scale of the joints.
 
     Returns these two, what `receptors_together` and `expected_readings` found, and the number of
@@ -186,31 +186,33 @@ def _quantised(
             "sensations: give a smaller number, or babble longer"
         )
     columns = some.sample().columns
-    overlap, chance = receptors_together(columns["sensation"])
-    kept = ~ambiguous_touches(columns["sensation"], overlap, chance)
-    if not kept.any():
+    together = receptors_together(columns["sensation"])
+    row, sensation, left_out = together.places(columns["sensation"])
+    expected = expected_readings(columns["sensation"], together.near)
+    sensation = _as_compared(sensation[~left_out], expected)
+    kept = np.unique(row[~left_out])
+    if not len(kept):
         raise ValueError(
             "sensation has touches on several parts of the body in every row: babble until "
             "each part is touched alone"
         )
-    expected = expected_readings(columns["sensation"], overlap)
-    sensation, q = _as_compared(columns["sensation"][kept], expected), columns["q"][kept]
+    whole, q = columns["sensation"][kept], columns["q"][kept]
     with thread_pool(1) as beside:
-        scaling = beside.submit(joint_scale, q, sensation)
-        targets = common_targets(sensation, num_targets, overlap if chance else None)
-    return targets, scaling.result(), overlap, chance, expected, some.num_rows
+        scaling = beside.submit(joint_scale, q, _as_compared(whole, expected))
+        targets = common_targets(sensation, num_targets, together)
+    return targets, scaling.result(), together, expected, some.num_rows
 
 
 def _some(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
     sensation, q = batch
     kernel = np.zeros(len(q), dtype=int)
-    return draw.take(kernel, sensation=sensation, q=q.astype(np.float32)), len(q)
+    row = np.arange(len(q))
+    return draw.take(kernel, row, sensation=sensation, q=q.astype(np.float32)), len(q)
 
 
 def _sorted(
     targets: np.ndarray,
-    overlap: np.ndarray,
-    chance: bool,
+    together: Together,
     expected: np.ndarray | None,
     draw: Draw,
     batch: Batch,
@@ -220,9 +222,9 @@ def _sorted(
     Returns what may be kept, the numbers of touches and of those left out, and what is felt in each
     kernel in all, if it must be known.
     """
-    sensation, q = batch
+    whole, q = batch
+    row, sensation, left_out = together.places(whole)
     label, error = assign(_as_compared(sensation, expected), targets)
-    left_out = ambiguous_touches(sensation, overlap, chance)
     label[left_out] = -1
     felt: np.ndarray | float = 0.0
     if expected is not None:
@@ -230,7 +232,7 @@ def _sorted(
         cells = csr_array((np.ones(len(kept)), (label[kept], kept)), (len(targets), len(label)))
         felt = cells @ unit(sensation)
     firm = strength(sensation).astype(np.float32)
-    taken = draw.take(label, q=q.astype(np.float32), strength=firm, error=error)
+    taken = draw.take(label, row, q=q[row].astype(np.float32), strength=firm, error=error)
     return taken, len(q), int(left_out.sum()), felt
 
 
@@ -276,7 +278,7 @@ def with_graph(
 def common_targets(
     sensation: np.ndarray,
     num_targets: int,
-    overlap: np.ndarray | None,
+    together: Together,
     *,
     or_fewer: bool = False,
 ) -> np.ndarray:
@@ -285,14 +287,17 @@ def common_targets(
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
     So targets with hardly any touches, for their part, are dropped with their touches. If none come
-    together by chance, `overlap` `(S, S)` is None; the rest is as of `target_sensations`.
+    together by chance, this does nothing. The rest is as of `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)
-        if overlap is None:
+        if not together.chance:
             break
         label, _ = assign(sensation, targets)
-        size, part = np.bincount(label, minlength=len(targets)), kernel_parts(targets, overlap)
+        size, part = (
+            np.bincount(label, minlength=len(targets)),
+            kernel_parts(targets, together.near),
+        )
         typical = np.array([np.median(size[part == number]) for number in range(part.max() + 1)])
         rare = size < _RARE * typical[part]
         if not rare.any():

@@ -31,7 +31,7 @@ class QuotientRepresentation(Record):
         target_sensations: `(K, S)` target sensations, unit L2 norm.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         kernel_q: `(R, J)` in the robot's units, motor configurations, grouped by kernel.
-        kernel_row: `(R,)` row of each configuration in the experience.
+        kernel_row: `(R,)` row of each configuration in the experience, one for each place.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         kernel_mode: `(R,)` mode of each touch, which determines the joints that matter to it;
@@ -39,7 +39,7 @@ class QuotientRepresentation(Record):
         mode_joints: `(M, J)` bool, the joints that matter in each mode.
         joint_scale: `(J,)` positive factors that make the joints comparable.
         overlap: `(S, S)` bool, symmetric: receptors that may feel the same touch; see
-            `touches.receptors_together`.
+            `touches.Together`.
         part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels.
         set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted; both are on
@@ -49,8 +49,7 @@ class QuotientRepresentation(Record):
         embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
             and unit of that part; NaN until `RecoveredBody.embed` fills it, and in fragments.
         num_touches: rows of the experience.
-        num_set_aside: rows of the experience that touched several places at once and were
-            excluded; see `touches.ambiguous_touches`.
+        num_set_aside: touches of several places at once that were excluded; see `Together.places`.
 
     Raises:
         ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.

@@ -116,15 +116,16 @@ def touch_modes(
     sets: KernelSets,
     target_sensations: np.ndarray,
     part: np.ndarray,
+    double: bool,
     *,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Finds the modes of touch, and the mode of each stored configuration.
 
     The sets may be scaled or not, targets are `(K, S)`, unit L2 norm, and `part` is `(K,)` the part
-    of the body of each kernel. The same seed gives the same bytes on one machine. Returns `(R,)`
-    int8, the mode of each configuration, or `NO_MODE`; `(M, J)` bool, the joints that matter in
-    each mode.
+    of the body of each kernel; of double touches, kernels of two parts share configurations. The
+    same seed gives the same bytes on one machine. Returns `(R,)` int8, the mode of each
+    configuration, or `NO_MODE`; `(M, J)` bool, the joints that matter in each mode.
     """
     kernel = sets.kernel
     of_part = part[kernel]
@@ -143,6 +144,10 @@ def touch_modes(
     held_out = np.zeros(len(kernel), dtype=bool)
     held_out[np.concatenate([*tested.values()])] = True
     x, sizes = standardised(sets.x), sets.sizes
+    if double:
+        # What a configuration feels depends on the part that is asked for. It acts as joints that
+        # never matter.
+        x = np.concatenate([x, np.eye(part.max() + 1, dtype=np.float32)[of_part]], axis=1)
     felt = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
     _, _, axes = np.linalg.svd(felt, full_matrices=False)
     outputs = felt @ axes[:_MOST_OUTPUTS].T
@@ -156,7 +161,7 @@ def touch_modes(
         modes = _modes(expected, some)
         given = _modes_of(expected, rows, modes)
         mode[rows] = np.where(given == NO_MODE, NO_MODE, given + len(relevant))
-        relevant = np.concatenate([relevant, modes])
+        relevant = np.concatenate([relevant, modes[:, : sets.x.shape[1]]])
     return _numbered(mode, relevant)
 
 

@@ -3,11 +3,18 @@
 The agent does not know where its receptors are. But receptors with overlapping fields feel the same
 touches again and again, and distant ones do not. So receptors can be grouped into parts of the
 body, and a sensation can be split into separate touches.
+
+A hand with a skin feels what it presses, each time with other places: a skin that hardly ever feels
+alone is such a hand, and its touches count for a place on either side.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from selftouch_drake.agent.representation.quantise import strength, unit
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: Receptors overlap if both feel this share of the touches of the rarer one. Measured on a sphere
@@ -24,19 +31,61 @@ _LEAST_NEAR = 0.1
 #: Otherwise two such receptors that meet by chance would connect two skins.
 _LEAST_FELT = 20
 
+#: Receptors are of one skin if they share this many touches, over the geometric mean of theirs, as
+#: a share of what either shares with its best partner: with fists that wear skin, two skins of an
+#: infant share half as much as neighbours do. Two skins that a fist presses at once share up to
+#: 0.48 of the touches of the rarer receptor. Less than `_FEWEST` receptors are a rim of a skin.
+_OF_ONE_SKIN, _FEWEST = 0.6, 5
+
+#: A skin presses others if it feels alone in fewer touches, and if what is felt elsewhere varies:
+#: where one of its receptors is the strongest, the mean of the rest (unit length) is shorter.
+_ALONE, _ELSEWHERE = 0.25, 0.5
+
 #: Touches of two places at once count as coincidence up to this share. Random walks of the paper's
 #: arm touch in at most 8 % of their steps, so two such arms touch together in at most 4 % of all
 #: touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.3 %.
 _MOST_BY_CHANCE = 0.05
 
 
-def overlapping(sensation: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """Which receptors feel the same touch, and how touches of several places come about.
+
+    Attributes:
+        near: `(S, S)` bool, pairs of one part that overlap, or nearly.
+        chance: whether two places of a part are touched at once by coincidence only.
+        double: whether skins press skins, so that a touch is felt on both sides.
+    """
+
+    near: np.ndarray
+    chance: bool
+    double: bool
+
+    def places(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Takes `(n, S)` N sensations apart into those of the places that are learned from.
+
+        Returns `(m,)` the sensation that each is of, ascending; `(m, S)` N; and `(m,)` bool, those
+        that are left out: coincidences, and touches of several parts that are not double.
+        """
+        sensation, one_part = np.asarray(sensation), _of_one_part(self.near)
+        row = np.arange(len(sensation))
+        if self.double:
+            row, sensation = separate_touches(sensation, one_part)
+        number = np.bincount(separate_touches(sensation, self.near if self.chance else one_part)[0])
+        return row, sensation, number > 1
+
+
+def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     """`(S, S)` bool, symmetric, true on the diagonal: receptors that overlap.
 
-    Touches that they share show it: `(n, S)` N sensations, unselected, most of them at one place.
+    Touches that they share show it: `(n, S)` N sensations, unselected. They also show whether skins
+    press skins; otherwise, most of them are at one place.
     """
     shared, rarer, felt = _shared(sensation)
     known = felt >= _LEAST_FELT
+    skin, presses = _skins(np.asarray(sensation), shared * rarer, felt, known)
+    beyond = skin[:, None] != skin
+    shared[beyond & (presses[:, None] | presses | (presses.any() & (shared < _OF_ONE_SKIN)))] = 0.0
     overlap = (shared >= _LEAST_SHARED) & np.logical_and.outer(known, known)
     # A receptor that overlaps with none, or felt too few touches, joins its best partner: alone it
     # would be a part of the body.
@@ -51,13 +100,12 @@ def overlapping(sensation: np.ndarray) -> np.ndarray:
     # Within a part the upper error bound of the share counts: a touch must not be split because
     # there were few touches.
     maybe = shared + 1.0 / np.sqrt(np.maximum(rarer, 1.0)) >= _LEAST_SHARED
-    return overlap | (maybe & (shared > 0) & _of_one_part(overlap))
+    overlap |= maybe & (shared > 0) & _of_one_part(overlap)
+    return overlap, bool(presses.any())
 
 
-def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Which receptors feel the same touch, and whether some touch two places by coincidence.
-
-    They are `(S, S)` bool: of one part, they overlap, or nearly, by sensations as of `overlapping`.
+def receptors_together(sensation: np.ndarray) -> Together:
+    """Finds which receptors feel the same touch, by sensations as of `overlapping`.
 
     Two hands that move independently seldom touch at once: the share of such touches is about half
     the share of time that one hand touches. They are excluded, because any place of one hand occurs
@@ -65,11 +113,14 @@ def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
     of poses of the hand (paper, section II), and they are kept.
     """
-    overlap = overlapping(sensation)
-    near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
-    several = apart(sensation, overlap)
-    share = np.mean(several & ~of_several_parts(sensation, overlap))
-    return near, bool(several.any() and share < _MOST_BY_CHANCE)
+    overlap, double = overlapping(sensation)
+    one_part = _of_one_part(overlap)
+    near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & one_part)
+    several = Together(overlap, True, double).places(sensation)[2]
+    of_parts = Together(overlap, False, double).places(sensation)[2]
+    # Two hands with skin may touch so near to each other that no touch shows that there are two.
+    chance = (double or several.any()) and np.mean(several & ~of_parts) < _MOST_BY_CHANCE
+    return Together(near, bool(chance), double)
 
 
 def expected_readings(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray | None:
@@ -78,7 +129,7 @@ def expected_readings(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray 
     If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
     more or less alike. So each receptor stands for what is felt on average when it feels something,
     twice over: over receptors two neighbours away. `(n, S)` N sensations are unselected, overlaps
-    are as of `receptors_together`.
+    are as of `Together.near`.
     """
     if not ((sensation == 0) | (sensation == sensation.max())).all():
         return None
@@ -99,6 +150,37 @@ def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return together / np.maximum(rarer, 1.0), rarer, felt
 
 
+def _skins(
+    sensation: np.ndarray, together: np.ndarray, felt: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`(S,)` the skin of each receptor, and `(S,)` bool, whether that skin presses others.
+
+    The counts of touches are `(S, S)` and `(S,)`; `(S,)` bool says which receptors felt enough.
+    """
+    alike = together / np.maximum(np.sqrt(np.outer(felt, felt)), 1.0)
+    best = np.where(known[:, None] & known, alike, 0.0).max(axis=1)
+    joined = known[:, None] & known & (alike >= _OF_ONE_SKIN * np.maximum(best[:, None], best))
+    while True:
+        num_skins, skin = connected_components(joined, directed=False)
+        beyond = np.where(skin[:, None] == skin, 0.0, alike)
+        partner, most = beyond.argmax(axis=1), beyond.max(axis=1)
+        order, leader = np.argsort(most, kind="stable"), np.zeros(num_skins, dtype=int)
+        leader[skin[order]] = order
+        leader = leader[(np.bincount(skin) < _FEWEST) & (most[leader] > 0)]
+        if not len(leader):
+            break
+        joined[leader, partner[leader]] = True
+    on = (sensation > 0) @ np.eye(num_skins, dtype=np.float32)[skin] > 0
+    presses, alone = np.zeros(len(skin), dtype=bool), on.sum(axis=1) == 1
+    for one in np.flatnonzero(on[alone].sum(axis=0) < _ALONE * on.sum(axis=0)):
+        here, touches = skin == one, sensation[on[:, one] & ~alone]
+        place = np.where(here, touches, 0).argmax(axis=1)
+        at = csr_array((np.ones(len(place)), (place, np.arange(len(place)))))
+        elsewhere = strength(at @ unit(np.where(here, 0, touches)))
+        presses[here] = elsewhere.sum() < _ELSEWHERE * len(place)
+    return skin, presses
+
+
 def _receptor_parts(overlap: np.ndarray) -> np.ndarray:
     """`(S,)` the part of the body of each receptor: those connected by `(S, S)` overlaps."""
     return connected_components(overlap, directed=False)[1]
@@ -113,7 +195,7 @@ def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarr
     """`(K,)` the part of the body that each kernel is on; 0 has the most kernels.
 
     The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as of
-    `overlapping` or `receptors_together`.
+    `overlapping` or `Together.near`.
     """
     of_receptor = _receptor_parts(overlap)[target_sensations.argmax(axis=1)]
     _, first, part, size = np.unique(
@@ -123,74 +205,39 @@ def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarr
     return np.argsort(order)[part]
 
 
-def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, `(n, S)` N sensations of several places at once, by `(S, S)` bool overlaps."""
-    beyond = (sensation > 0) & ~overlap[sensation.argmax(axis=1)]
-    # Receptors that overlap the strongest one feel the same touch, which settles most rows.
-    several = beyond.any(axis=1)
-    rows = np.flatnonzero(several)
-    number, _ = separate_touches(sensation[rows], overlap, max_touches=1)
-    several[rows] = number > 1
-    return several
-
-
-def of_several_parts(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, sensations on several parts of the body; arguments as for `apart`."""
-    part = _receptor_parts(overlap)
-    if not part.any():
-        return np.zeros(len(sensation), dtype=bool)
-    strongest = part[sensation.argmax(axis=1)]
-    return ((sensation > 0) & (part != strongest[:, None])).any(axis=1)
-
-
-def ambiguous_touches(sensation: np.ndarray, near: np.ndarray, chance: bool) -> np.ndarray:
-    """`(n,)` bool, `(n, S)` N sensations that are excluded from learning.
-
-    Sensations on several parts of the body always are: they belong to no single part. Sensations
-    at several places of one part are if they are coincidence; `near` and `chance` are of
-    `receptors_together`.
-    """
-    return apart(sensation, near) if chance else of_several_parts(sensation, near)
-
-
 def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) -> np.ndarray:
     """`(n,)` the target sensations nearest to a sensation `(S,)` N, one for each place touched.
 
     That of the strongest receptor is first; there are none if nothing is felt. If the
-    representation set touches of several places aside, the sensation is split into separate
-    touches. Otherwise it is compared as a whole.
+    representation has several parts, or set touches of several places aside, the sensation is split
+    into separate touches. Otherwise it is compared as a whole.
     """
-    sensation = np.asarray(sensation)
-    if not sensation.any():
-        return np.empty(0, dtype=int)
-    touches = sensation[None]
-    if representation.num_set_aside:
-        _, (parted,) = separate_touches(touches, representation.overlap)
-        touches = parted[parted.any(axis=1)]
+    touches = np.asarray(sensation)[None][: int(np.any(sensation))]
+    if representation.num_set_aside or representation.part.any():
+        _, touches = separate_touches(touches, representation.overlap)
     return (touches @ representation.target_sensations.T).argmax(axis=1)
 
 
-def separate_touches(
-    sensation: np.ndarray, overlap: np.ndarray, max_touches: int = 2
-) -> tuple[np.ndarray, np.ndarray]:
+def separate_touches(sensation: np.ndarray, overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Splits each of `(n, S)` N sensations into touches that no `(S, S)` bool overlap connects.
 
-    Returns `(n,)` their number, counted up to `max_touches + 1`, and `(n, max_touches, S)` N, that
-    of the strongest receptor first; zero where there are fewer.
+    Returns `(m,)` the sensation that each touch is of, ascending, and `(m, S)` N what is felt of
+    it, that of the strongest receptor first; no sensation is null.
     """
-    sensation = np.asarray(sensation, dtype=np.float32)
-    joined = overlap.astype(np.float32)
-    rest = sensation.copy()
-    number = np.zeros(len(sensation), dtype=int)
-    parts = np.zeros((len(sensation), max_touches, sensation.shape[1]), dtype=np.float32)
-    for touch in range(max_touches):
-        some = rest.max(axis=1) > 0
-        number += some
-        part = np.zeros(rest.shape, dtype=bool)
-        part[np.flatnonzero(some), rest[some].argmax(axis=1)] = True
-        size = -1
-        while size != (size := int(part.sum())):
-            part = (part.astype(np.float32) @ joined > 0) & (rest > 0)
-        parts[:, touch] = np.where(part, rest, 0.0)
-        rest = np.where(part, 0.0, rest)
-    return number + (rest.max(axis=1) > 0), parts
+    row, rest, joined = np.arange(len(sensation)), np.asarray(sensation), overlap.astype(np.float32)
+    rows, touches = list[np.ndarray](), list[np.ndarray]()
+    while len(rest) or not rows:
+        # Receptors that overlap the strongest one feel the same touch, which settles most rows.
+        touch = (rest > 0) & overlap[rest.argmax(axis=1)]
+        more = np.flatnonzero(((rest > 0) & ~touch).any(axis=1))
+        size, grown = -1, touch[more]
+        while size != (size := int(grown.sum())):
+            grown = (grown.astype(np.float32) @ joined > 0) & (rest[more] > 0)
+        touch[more] = grown
+        rows.append(row)
+        touches.append(np.where(touch, rest, 0) if len(more) else rest)
+        left = np.where(grown, 0, rest[more])
+        some = left.any(axis=1)
+        row, rest = row[more][some], left[some]
+    order = np.argsort(np.concatenate(rows), kind="stable")
+    return np.concatenate(rows)[order], np.concatenate(touches)[order]

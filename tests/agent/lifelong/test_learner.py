@@ -51,6 +51,24 @@ def test_it_knows_what_the_offline_learner_knows():
             assert edge_lengths(now, place).max() < 1.3 * edge_lengths(offline, place).max()
 
 
+def test_touches_of_a_hand_with_skin_are_remembered_for_either_side():
+    q, sensation, skin, place = touch(["sphere", "tube"], 6000, hand="cap")
+    learner = lived(q, sensation, num_targets=120, max_kernel_size=60)
+    known = learner.representation
+    assert known.num_parts == 3
+    assert known.num_touches == 6000
+    of_receptor = known.target_sensations.argmax(axis=1) // 60
+    assert [len(np.unique(of_receptor[known.part == part])) for part in range(3)] == [1, 1, 1]
+    for kernel in np.flatnonzero(of_receptor < 2):
+        rows = known.kernel_row[known.members(kernel)]
+        assert np.mean(skin[rows] == of_receptor[kernel]) > 0.95
+        off = np.abs(place[rows] - np.median(place[rows], axis=0))
+        assert np.linalg.norm(np.median(off, axis=0)) < 0.4
+    row = known.kernel_row[7]
+    felt = sensation[row] / np.linalg.norm(sensation[row])
+    np.testing.assert_allclose(learner.kernel_sensation[[7]].toarray()[0], felt, rtol=1e-5)
+
+
 def test_the_same_chunks_give_the_same_bytes_whenever_it_is_asked():
     q, sensation, *_ = touch(["sphere"], 2000)
     one, other = OnlineLearner(60), OnlineLearner(60)
