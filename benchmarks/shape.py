@@ -39,7 +39,6 @@ from revolute import revolute_reference
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 from selftouch_drake.agent.shape.homology import topology
@@ -76,12 +75,9 @@ class Case:
     samples: int
     targets: int
     receptors: int
-    queries: int
 
     @classmethod
-    def of(
-        cls, run: RunDirectory, *, skin: str, samples: int, targets: int, queries: int = MAX_QUERIES
-    ) -> Case:
+    def of(cls, run: RunDirectory, *, skin: str, samples: int, targets: int) -> Case:
         """The first touches of a run, with a worn skin."""
         return cls(
             body=run.experiment.name,
@@ -90,7 +86,6 @@ class Case:
             samples=samples,
             targets=targets,
             receptors=run.experiment.num_receptors,
-            queries=queries,
         )
 
     @property
@@ -142,7 +137,7 @@ def learned_representation(
 ) -> tuple[QuotientRepresentation, float]:
     """What is learned from these touches, and the CPU seconds that it takes."""
     began = time.process_time()
-    learner = QuotientLearner(case.targets, max_queries=case.queries, random_state=case.seed)
+    learner = QuotientLearner(case.targets, random_state=case.seed)
     learned = learner.fit(sensation, q).representation_
     return learned, time.process_time() - began
 
@@ -229,7 +224,6 @@ def main() -> None:
     parser.add_argument("--skins", nargs="+", choices=SKINS, default=["whole"])
     parser.add_argument("--samples", nargs="+", type=int, default=[1_000_000])
     parser.add_argument("--targets", nargs="+", type=int, default=[1000])
-    parser.add_argument("--queries", type=int, default=MAX_QUERIES, help="of set distances")
     parser.add_argument("--network-seeds", nargs="+", type=int, default=[0])
     add_update_option(parser, "shape")
     arguments = parser.parse_args()
@@ -245,7 +239,7 @@ def main() -> None:
             run = run_at(path, max(arguments.samples))
             grid = itertools.product(arguments.skins, arguments.samples, arguments.targets)
             cases = [
-                Case.of(run, skin=skin, samples=samples, targets=targets, queries=arguments.queries)
+                Case.of(run, skin=skin, samples=samples, targets=targets)
                 for skin, samples, targets in grid
             ]
             found += measure(run, cases, wanted, add)

@@ -98,7 +98,6 @@ def confidence(arguments: argparse.Namespace) -> None:
                 skin=row["skin"],
                 samples=int(row["samples"]),
                 targets=int(row["targets"]),
-                queries=60,
             )
             found += measure(run, [case], [("learned", 0)], add)
     if len(found) == len(read(CASES)):

@@ -3,8 +3,6 @@
 Slow imports, above all Drake, happen where they are needed, after all checks that do not need them.
 """
 
-from __future__ import annotations
-
 import functools
 import gc
 import itertools
@@ -21,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from selftouch_drake import __version__
-from selftouch_drake.run.executors import local_executor, meanwhile, one_line_warnings
+from selftouch_drake.run.executors import InTurn, local_executor, one_line_warnings
 
 if TYPE_CHECKING:
     from selftouch_drake.run.directory import RunDirectory
@@ -128,7 +126,7 @@ def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def named(
-        directory: RunDirectory,
+        directory: "RunDirectory",
         start: int | None,
         q_start: list[float] | None,
         goal: int | None,
@@ -157,7 +155,7 @@ def in_a_body(command: Callable[..., None]) -> Callable[..., None]:
     """Adds the body in which a run lives that has none of Drake's, and keeps what it meets."""
 
     @functools.wraps(command)
-    def living(directory: RunDirectory, *given: Any, body: str | None, **options: Any) -> None:
+    def living(directory: "RunDirectory", *given: Any, body: str | None, **options: Any) -> None:
         from selftouch_drake.run.worlds import living_in
 
         with living_in(directory, body):
@@ -226,8 +224,8 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
                 if isinstance(picture, Path):
                     click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
-            if directory.experiment.has_truth:
-                meanwhile(executor, stages.get_ready, directory)
+            if directory.experiment.has_truth and not isinstance(executor, InTurn):
+                executor.submit(stages.get_ready, directory)
             _learn(directory, scheduler)
         if not stages.has_evaluated(directory):
             with _progress("plan, execute, evaluate") as progress:
@@ -411,7 +409,7 @@ def calibrate(
     help="Learn also from touches that a body of your own met in practice, execution and life.",
 )
 @SCHEDULER
-def learn(directory: RunDirectory, add: bool, scheduler: str | None) -> None:
+def learn(directory: "RunDirectory", add: bool, scheduler: str | None) -> None:
     """Learn the quotient graph and recover the body.
 
     Reads the touches of the run directory RUN, never the truth (where the robot was touched).
@@ -427,7 +425,7 @@ def learn(directory: RunDirectory, add: bool, scheduler: str | None) -> None:
 @cli.command()
 @of_a_plan
 @in_a_body
-def plan(directory: RunDirectory, targets: list) -> None:
+def plan(directory: "RunDirectory", targets: list) -> None:
     """Plan a smooth motion from one sensation to another.
 
     RUN is a run directory that has learned. The report of the run has a map of the numbers.
@@ -470,7 +468,7 @@ def plan(directory: RunDirectory, targets: list) -> None:
     help="Plan and execute up to N times until contact is never lost; remember what failed.",
 )
 @in_a_body
-def execute(directory: RunDirectory, targets: list, max_tries: int | None) -> None:
+def execute(directory: "RunDirectory", targets: list, max_tries: int | None) -> None:
     """Execute a plan under full dynamics and store the sensations.
 
     RUN is a run directory. Make the plan first, with `selftouch plan` and the same options.
@@ -497,7 +495,7 @@ def execute(directory: RunDirectory, targets: list, max_tries: int | None) -> No
 
 @cli.command()
 @of_a_plan
-def record(directory: RunDirectory, targets: list) -> None:
+def record(directory: "RunDirectory", targets: list) -> None:
     """Record an executed plan as a 3D page.
 
     The HTML page is written beside the plan in the run directory RUN, and needs no network. The
@@ -513,7 +511,7 @@ def record(directory: RunDirectory, targets: list) -> None:
 @of_a_run
 @in_a_body
 @WORKERS
-def evaluate(directory: RunDirectory, workers: int | None) -> None:
+def evaluate(directory: "RunDirectory", workers: int | None) -> None:
     """Score the recovered shape and random plans.
 
     Compares the run directory RUN with the truth, which the agent never sees.
@@ -559,7 +557,7 @@ def score(file: Path, recording: str, as_json: bool) -> None:
 @cli.command()
 @of_a_run
 @click.option("--vector", is_flag=True, help="Also write the figures as PDF, for papers.")
-def report(directory: RunDirectory, vector: bool) -> None:
+def report(directory: "RunDirectory", vector: bool) -> None:
     """Draw the figures of RUN and write its report.
 
     RUN is a run directory. The report is RUN/report.html.
@@ -841,7 +839,7 @@ def _load(experiment: str, overrides: dict[str, Any]):
 
 def _begin(
     experiment: str, out: Path | None, overrides: dict[str, Any], executor: Executor | None = None
-) -> RunDirectory:
+) -> "RunDirectory":
     """Begins or resumes a run, prints its path, and builds its bodies.
 
     The workers of an executor get ready to babble.
@@ -852,12 +850,12 @@ def _begin(
 
     loaded, digests = _load(experiment, overrides)
     path = out or default_path(loaded.name, overrides)
-    if executor is not None and not path.exists():
+    if not (isinstance(executor, InTurn | None) or path.exists()):
         from selftouch_drake.bodies.embodiment import get_ready
 
         for number in range(2):
             fingerprint = experience_fingerprint(loaded, digests)
-            meanwhile(executor, get_ready, loaded.after(0), fingerprint, number)
+            executor.submit(get_ready, loaded.after(0), fingerprint, number)
 
     from selftouch_drake.bodies.embodiment import make_bodies
     from selftouch_drake.run.stages import keep_bodies

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pyarrow.dataset
 import pytest
 from commands import SMALL, refused, selftouch
 from filelock import FileLock
@@ -446,6 +447,6 @@ def test_pandas_polars_and_arrow_read_what_numpy_reads(finished_run):
     np.testing.assert_array_equal(np.stack(frame["q"]), q)
     lazy = polars.scan_parquet(finished_run / "experience" / "*.parquet")
     np.testing.assert_array_equal(lazy.select("sensation").collect()["sensation"], sensation)
-    table = reader.dataset().to_table(columns=["q"])
+    table = pyarrow.dataset.dataset(finished_run / "experience").to_table(columns=["q"])
     assert table.column_names == ["q"]
     np.testing.assert_array_equal(np.stack(table["q"].to_pandas()), q)

@@ -1,7 +1,5 @@
 """The naive agent as one object: it learns, recovers its body, plans and remembers."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,7 +62,7 @@ class Agent:
         *,
         memory: RehearsalMemory | None = None,
         **fields: Any,
-    ) -> Agent:
+    ) -> "Agent":
         """An agent with a representation learned before; its memory is blank by default."""
         memory = RehearsalMemory.blank(representation) if memory is None else memory
         return cls(representation=representation, memory=memory, **fields)
@@ -78,28 +76,27 @@ class Agent:
         num_targets: int = 500,
         max_kernel_size: int = 1000,
         seed: int = 0,
-        **parameters: Any,
-    ) -> Agent:
+    ) -> "Agent":
         """Learns from experience held in arrays: `(n, S)` N felt at `(n, J)` q; no row null.
 
-        The rest is as of `representation.learn`, which learns from experience of any size.
+        As `representation.learn`, which learns from experience of any size.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
         sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
-        found = learn(lambda: [(sensation, q)], **sizes, seed=seed, **parameters).representation
+        found = learn(lambda: [(sensation, q)], **sizes, seed=seed).representation
         felt = kernel_sensations(found.kernel_row, [sensation])
         touch_model = TouchModel.learn(found, lambda: felt, seed=seed)
         return cls.of(found, kernel_sensation=felt, touch_model=touch_model)
 
-    def recover(self, metric: str = "learned", *, seed: int = 0) -> RecoveredBody:
+    def recover(self, metric: str = "learned", *, seed: int = 0) -> "RecoveredBody":
         """Recovers the body: shape, holes and dimension of each of its parts."""
         from selftouch_drake.agent.shape.recovery import recover  # not needed to plan
 
         return recover(self.representation, metric, seed=seed)
 
-    def recalling(self, memory: RehearsalMemory) -> Agent:
+    def recalling(self, memory: RehearsalMemory) -> "Agent":
         """The same agent with another memory."""
         changed = dataclasses.replace(self, memory=memory)
         vars(changed)["planner"] = self.planner  # which does not depend on it
@@ -131,7 +128,7 @@ class Agent:
             q_start = known.kernel_q[members][known.kernel_error[members].argmin()].astype(float)
         return self.planner.plan(q_start, targets, memory=self.memory, **options)
 
-    def predict(self, plan: Plan, s: np.ndarray, dry_run: DryRun | None = None) -> Prediction:
+    def predict(self, plan: Plan, s: np.ndarray, dry_run: "DryRun | None" = None) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
 
         After a dry run it is what was felt then; before, it comes from stored touches.
@@ -142,7 +139,7 @@ class Agent:
             self.representation, plan, s, self.kernel_sensation, self.touch_model
         )
 
-    def motion(self, plan: Plan, *, dry_run: DryRun | None = None, **timed: np.ndarray) -> Motion:
+    def motion(self, plan: Plan, *, dry_run: "DryRun | None" = None, **timed: np.ndarray) -> Motion:
         """A plan with times and with the sensations that the agent expects.
 
         `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as of `predict`.

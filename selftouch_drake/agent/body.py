@@ -4,8 +4,6 @@ A body has limits and two methods. It alone knows poses, if anyone does; units a
 joints, the number of its skins and how it is simulated or built are its own affair.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -36,12 +34,12 @@ class Felt:
     sensation: np.ndarray
     reached: np.ndarray
 
-    def touches(self) -> tuple[np.ndarray, Felt]:
+    def touches(self) -> "tuple[np.ndarray, Felt]":
         """The rows in which something is felt, and what was felt there."""
         rows = np.flatnonzero(self.sensation.any(axis=1))
         return rows, self.of_rows(rows)
 
-    def of_rows(self, rows: np.ndarray) -> Felt:
+    def of_rows(self, rows: np.ndarray) -> "Felt":
         """What was felt at some of the configurations."""
         return Felt(q=self.q[rows], sensation=self.sensation[rows], reached=self.reached[rows])
 
@@ -66,7 +64,7 @@ class Followed:
     v: np.ndarray | None = None
     torque: np.ndarray | None = None
 
-    def felt(self) -> Felt:
+    def felt(self) -> "Felt":
         """What was felt at each sample."""
         reached = np.ones(len(self.q), dtype=bool)
         return Felt(q=self.q, sensation=self.sensation, reached=reached)
@@ -98,7 +96,7 @@ class Body(Protocol):
     num_receptors: int
     jumps: bool
 
-    def feel(self, q: np.ndarray) -> Felt:
+    def feel(self, q: np.ndarray) -> "Felt":
         """Visits `(n, J)` configurations in order, slowly, and feels at each.
 
         What cannot be undone, such as pressing hard, is the body's to refuse: there it has not
@@ -125,6 +123,6 @@ class ServoedBody(Body, Protocol):
 
     offsets: np.ndarray
 
-    def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile) -> Followed:
+    def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: "TouchProfile") -> Followed:
         """As `follow`, and stays in the skin by what is felt `beside` the motion."""
         ...

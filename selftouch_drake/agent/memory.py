@@ -1,7 +1,5 @@
 """What the agent remembers: links on which it lost contact, and slides that kept it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +41,7 @@ class Slides(Record):
     node: np.ndarray
 
     @classmethod
-    def none(cls, num_joints: int) -> Slides:
+    def none(cls, num_joints: int) -> "Slides":
         """No slides."""
         return cls(
             ends=np.empty((0, 2, num_joints)),
@@ -65,7 +63,7 @@ class Slides(Record):
 
     def and_also(
         self, x_from: np.ndarray, x_to: np.ndarray, x: np.ndarray, node: np.ndarray
-    ) -> Slides:
+    ) -> "Slides":
         """These slides and one more: its first and last configuration, and what it passes."""
         return Slides(
             ends=np.concatenate([self.ends, np.stack([x_from, x_to])[None]]),
@@ -101,7 +99,7 @@ class Slides(Record):
         node = [n for (_, mend), at in zip(parts, [*felt, -1], strict=True) for n in (*mend, at)]
         return np.array(x[:-1]), np.array(node[:-1])
 
-    def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
+    def within(self, lower: np.ndarray, upper: np.ndarray) -> "Slides":
         """The slides that stay between `lower` and `upper`, `(J,)` each."""
         outside = np.any((self.x < lower) | (self.x > upper), axis=1)
         slide = np.repeat(np.arange(len(self.ends)), np.diff(self.offsets))
@@ -128,13 +126,13 @@ class RehearsalMemory(Record):
     """
 
     link_penalty: np.ndarray
-    slides: Slides
+    slides: "Slides"
     missed: np.ndarray
     num_tries: int
     belongs_to: str
 
     @classmethod
-    def blank(cls, representation: QuotientRepresentation) -> RehearsalMemory:
+    def blank(cls, representation: QuotientRepresentation) -> "RehearsalMemory":
         """The memory of an agent that has rehearsed nothing."""
         links, digest = step_links(representation), hashlib.sha256()
         for array in (representation.target_sensations, representation.joint_scale, links):
@@ -147,17 +145,17 @@ class RehearsalMemory(Record):
             belongs_to=digest.hexdigest()[:16],
         )
 
-    def after(self, lost_links: np.ndarray) -> RehearsalMemory:
+    def after(self, lost_links: np.ndarray) -> "RehearsalMemory":
         """The memory after one more try that lost contact on `lost_links` `(n,)`."""
         return replace(self.avoiding(lost_links), num_tries=self.num_tries + 1)
 
-    def avoiding(self, links: np.ndarray) -> RehearsalMemory:
+    def avoiding(self, links: np.ndarray) -> "RehearsalMemory":
         """The memory in which `links` `(n,)` cost more."""
         penalty = self.link_penalty.copy()
         penalty[links] = np.minimum(LOSS_FACTOR * penalty[links], _MOST_PENALTY)
         return replace(self, link_penalty=penalty)
 
-    def missing(self, rows: Sequence[int]) -> RehearsalMemory:
+    def missing(self, rows: Sequence[int]) -> "RehearsalMemory":
         """The memory in which nothing was felt at some more rows of `kernel_q`."""
         return replace(self, missed=np.union1d(self.missed, rows).astype(int))
 
@@ -166,7 +164,7 @@ class RehearsalMemory(Record):
         others = rows[~np.isin(rows, self.missed)]
         return others if len(others) else rows
 
-    def same_as(self, other: RehearsalMemory) -> bool:
+    def same_as(self, other: "RehearsalMemory") -> bool:
         """Whether plans are the same with this memory as with another of the same agent."""
         same = len(self.slides.ends) == len(other.slides.ends)
         same &= np.array_equal(self.missed, other.missed)
@@ -175,7 +173,7 @@ class RehearsalMemory(Record):
     @classmethod
     def restored(
         cls, arrays: Mapping[str, np.ndarray], representation: QuotientRepresentation
-    ) -> RehearsalMemory:
+    ) -> "RehearsalMemory":
         """The memory of the agent with this representation, from what `to_arrays` returned.
 
         Raises:

@@ -4,8 +4,6 @@ A `Plan` is a path. A `Motion` adds times and the sensations that the agent pred
 adds what happened. Each holds the one before.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +56,7 @@ class Plan(Record):
         """The kernel to be felt at the end."""
         return int(self.nodes[-1])
 
-    def without_imagined(self) -> Plan:
+    def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""
         rows = np.flatnonzero(~self.imagined)
         steps = {name: getattr(self, name)[rows[:-1]] for name in ("links", "in_air", "modes")}
@@ -88,7 +86,7 @@ class Motion(Record):
         predicted_spread: `(T,)` scale of the expected error, a cosine distance.
     """
 
-    plan: Plan
+    plan: "Plan"
     time_s: np.ndarray
     s: np.ndarray
     q: np.ndarray

@@ -1,7 +1,5 @@
 """A small smooth network with sine activations and hand-written gradients, in plain numpy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -50,7 +48,7 @@ class Network:
     @classmethod
     def random(
         cls, sizes: Sequence[int], rng: np.random.Generator, *, gain: float = _GAIN
-    ) -> Network:
+    ) -> "Network":
         """An untrained network; its layers have these sizes, inputs first; for gain see `_GAIN`."""
         spread = [1.0] + [gain * np.sqrt(2.0 / size) for size in sizes[1:-1]]
         weights = [
@@ -109,7 +107,7 @@ class Network:
 # Each of two threads has its own half of a batch: threads of the library would come on top.
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def train(
-    network: Network,
+    network: "Network",
     x: np.ndarray,
     draw: Callable[[], np.ndarray],
     loss_slope: Callable[[np.ndarray, np.ndarray], np.ndarray],

@@ -4,8 +4,6 @@ What they return also holds what only the experimenter may know: contacts, and t
 simulation. An agent has no use for it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
@@ -74,7 +72,7 @@ class DrakeFelt(Felt):
         found, rows = self._touches, np.arange(len(self._q))
         return Contacts.of_rows(found.row, found.skin, found.toucher, found.p_LC, rows)
 
-    def touches(self) -> tuple[np.ndarray, DrakeFelt]:
+    def touches(self) -> "tuple[np.ndarray, DrakeFelt]":
         """The rows in which something is felt, and what was felt there."""
         if "_touches" in vars(self):
             rows = np.flatnonzero(self.sensation.any(axis=1))
@@ -83,7 +81,7 @@ class DrakeFelt(Felt):
         rows, touches = self._world.probe.touching(self._q)
         return rows, DrakeFelt(self._world, self._q[rows], self._margin, touches)
 
-    def of_rows(self, rows: np.ndarray) -> DrakeFelt:
+    def of_rows(self, rows: np.ndarray) -> "DrakeFelt":
         """What was felt at some of the configurations, in ascending order."""
         touches = self._touches.of_rows(rows) if "_touches" in vars(self) else None
         return DrakeFelt(self._world, self._q[rows], self._margin, touches)
@@ -121,7 +119,7 @@ class DrakeBody(_Joints):
         super().__init__(world)
         self._margin = margin
 
-    def feel(self, q: np.ndarray) -> DrakeFelt:
+    def feel(self, q: np.ndarray) -> "DrakeFelt":
         """What is felt at `(n, J)` configurations."""
         return DrakeFelt(self.world, q, self._margin)
 
@@ -142,7 +140,7 @@ class DrakeFollowed(Followed):
     log: Log
     world: World
 
-    def felt(self) -> DrakeFelt:
+    def felt(self) -> "DrakeFelt":
         """What was felt at each sample; contacts are computed anew at the configurations."""
         q = self.log.q.astype(np.float32)
         touches = dataclasses.replace(self.world.probe.touches(q), sensation=self.sensation)
@@ -178,7 +176,7 @@ class DrakeDynamicBody(_Joints):
     def _simulation(self) -> Simulation:
         return self.world.simulation  # takes as long to build as a plan; who only plans needs none
 
-    def feel(self, q: np.ndarray) -> DrakeFelt:
+    def feel(self, q: np.ndarray) -> "DrakeFelt":
         """What is felt at `(n, J)` configurations, after the robot came to rest at each."""
         there, felt = [], []
         for one in q:

@@ -1,7 +1,5 @@
 """Bodies of others as an agent lives in them: raw readings become sensations."""
 
-from __future__ import annotations
-
 import atexit
 from dataclasses import replace
 
@@ -49,7 +47,7 @@ class LivingBody:
         atexit.register(body.close)
 
     @property
-    def babbling(self) -> LivingBody:
+    def babbling(self) -> "LivingBody":
         """The body, with sensations.
 
         Raises:
@@ -62,7 +60,7 @@ class LivingBody:
     practice = acting = babbling
 
     @property
-    def still(self) -> LivingBody | None:
+    def still(self) -> "LivingBody | None":
         """The body, if it can be at rest everywhere."""
         return self.babbling if self.jumps else None
 

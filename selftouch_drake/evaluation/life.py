@@ -1,7 +1,5 @@
 """How good what an agent knows is at a moment of its life, in the body that it then has."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -40,7 +38,7 @@ class Quality:
     contact: float
 
 
-def quality(learner: OnlineLearner, world: World, num_pairs: int) -> Quality:
+def quality(learner: "OnlineLearner", world: World, num_pairs: int) -> Quality:
     """Scores what a learner knows by now.
 
     Args:
@@ -67,7 +65,7 @@ def quality(learner: OnlineLearner, world: World, num_pairs: int) -> Quality:
     )
 
 
-def planned_contact(learner: OnlineLearner, world: World, num_pairs: int) -> float:
+def planned_contact(learner: "OnlineLearner", world: World, num_pairs: int) -> float:
     """Share of planned paths in contact, in the kinematic world; NaN if there is no path."""
     agent, shares = Agent.of(learner.representation), list[float]()
     for start, goal in random_pairs(world.experiment, agent.representation, num_pairs):

@@ -3,8 +3,6 @@
 The experimenter's side: reads the truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -43,7 +41,7 @@ class KernelTruth:
         """Whether a kernel is a place on a skin, so that a shape can be compared with it."""
         return self.share_single >= LEAST_SINGLE
 
-    def on_surface(self, fields: Sequence[ReceptiveFields]) -> KernelTruth:
+    def on_surface(self, fields: Sequence[ReceptiveFields]) -> "KernelTruth":
         """The same kernels at the places of the skins' surfaces where receptors feel them.
 
         A contact lies inside the skin, which gives way: 1.5 cm deep in a skin of 3 cm.
@@ -58,7 +56,7 @@ class KernelTruth:
 
 def kernel_truth(
     representation: QuotientRepresentation, contacts: Contacts, receptor_skin: np.ndarray
-) -> KernelTruth:
+) -> "KernelTruth":
     """Where each motor kernel set truly touches.
 
     The contacts are those of each row of `kernel_q`, as `ExperienceReader.take_contacts` gives them
@@ -164,7 +162,7 @@ def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
     return float(np.sqrt(np.square(residual).sum(axis=1).mean()) / pdist(positions).max())
 
 
-def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> dict[int, np.ndarray]:
+def parts_on_skins(part: np.ndarray, truth: "KernelTruth") -> dict[int, np.ndarray]:
     """The kernels by which the agent's body shows each skin: of the part with most of its kernels.
 
     Returns:
@@ -181,7 +179,7 @@ def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> dict[int, np.ndarray
     return found
 
 
-def shape_errors(positions: np.ndarray, part: np.ndarray, truth: KernelTruth) -> dict[int, float]:
+def shape_errors(positions: np.ndarray, part: np.ndarray, truth: "KernelTruth") -> dict[int, float]:
     """`shape_rms_fraction` of the part that shows each skin, of `parts_on_skins`, if recovered.
 
     The `(K, 3)` positions are where the agent lays out the kernels, each part in a pose of its own;

@@ -5,12 +5,10 @@ experimenter may know, with the same rows. A shard is written aside, flushed and
 first: if the experience of a walk exists, it is complete, and so is its truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -18,9 +16,6 @@ import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
 from selftouch_drake.threads import mapped
-
-if TYPE_CHECKING:
-    import pyarrow.dataset
 
 # Shards that are read side by side.
 _AT_ONCE = 2
@@ -77,7 +72,7 @@ class Contacts:
     @staticmethod
     def of_rows(
         row: np.ndarray, skin: np.ndarray, toucher: np.ndarray, p_LC: np.ndarray, rows: np.ndarray
-    ) -> Contacts:
+    ) -> "Contacts":
         """The contacts of some rows, of contacts that are sorted by row."""
         start, end = np.searchsorted(row, rows), np.searchsorted(row, rows, side="right")
         offsets = np.concatenate([[0], np.cumsum(end - start)])
@@ -90,7 +85,7 @@ class Contacts:
         )
 
     @staticmethod
-    def joined(parts: Sequence[Contacts]) -> Contacts:
+    def joined(parts: "Sequence[Contacts]") -> "Contacts":
         """The contacts of all parts, one after another."""
         counts = np.concatenate([np.diff(part.offsets) for part in parts])
         return Contacts(
@@ -107,7 +102,7 @@ class Contacts:
         """`(C,)` the touch that each contact belongs to."""
         return np.repeat(np.arange(len(self)), np.diff(self.offsets))
 
-    def __getitem__(self, rows: np.ndarray) -> Contacts:
+    def __getitem__(self, rows: np.ndarray) -> "Contacts":
         """The contacts of some touches, in any order."""
         return Contacts.of_rows(self.row, self.skin, self.toucher, self.p_LC, np.asarray(rows))
 
@@ -133,7 +128,7 @@ class Shard:
     step: np.ndarray
     q: np.ndarray
     sensation: np.ndarray
-    contacts: Contacts | None
+    contacts: "Contacts | None"
     robot_s: float = 0.0
 
     @property
@@ -257,16 +252,6 @@ class ExperienceReader:
         """Touches in all shards, read from their footers."""
         return sum(_open(path).metadata.num_rows for path in self._paths)
 
-    def dataset(self) -> pyarrow.dataset.Dataset:
-        """All shards as one Arrow dataset, for pandas, polars, DuckDB and the like.
-
-        Nothing is read until asked: `dataset().to_table(columns=["q"])`, `scanner(...)`,
-        `polars.scan_pyarrow_dataset(dataset())`.
-        """
-        import pyarrow.dataset  # imports pandas, if there is one
-
-        return pyarrow.dataset.dataset([str(path) for path in self._paths], format="parquet")
-
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
@@ -282,7 +267,7 @@ class ExperienceReader:
                 width = rows.shape[1]
                 yield rows
 
-    def contacts(self) -> Iterator[Contacts]:
+    def contacts(self) -> "Iterator[Contacts]":
         """The contacts of the truth, one object per shard.
 
         Raises:
@@ -309,7 +294,7 @@ class ExperienceReader:
                 p_LC=values[2].flatten().to_numpy(zero_copy_only=False).reshape(-1, 3),
             )
 
-    def take_contacts(self, rows: np.ndarray) -> Contacts:
+    def take_contacts(self, rows: np.ndarray) -> "Contacts":
         """The contacts of some touches, in memory that does not grow with the store.
 
         The `(R,)` numbers of the touches may be in any order.

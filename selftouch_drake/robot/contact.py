@@ -1,7 +1,5 @@
 """From hydroelastic contact surfaces to receptor readings: the sensor model, phi."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -38,7 +36,7 @@ class Touches:
         skin: np.ndarray,
         toucher: np.ndarray,
         total: np.ndarray,
-    ) -> Touches:
+    ) -> "Touches":
         """Sorts contacts and merges those of one toucher with one skin at one instant.
 
         The total of each is `(C, 4)` N and N m: force, and the sum of force times position in the
@@ -60,7 +58,7 @@ class Touches:
             p_LC=total[pressed, 1:] / total[pressed, :1],
         )
 
-    def of_rows(self, rows: np.ndarray) -> Touches:
+    def of_rows(self, rows: np.ndarray) -> "Touches":
         """The touches at some of the instants, given in ascending order."""
         number = np.full(len(self.sensation), -1)
         number[rows] = np.arange(len(rows))
@@ -73,7 +71,7 @@ class Touches:
             p_LC=self.p_LC[kept],
         )
 
-    def and_also(self, other: Touches) -> Touches:
+    def and_also(self, other: "Touches") -> "Touches":
         """The touches at the same instants with the contacts of other touchers added."""
         columns = {
             name: np.concatenate([getattr(self, name), getattr(other, name)])
@@ -111,7 +109,7 @@ class SensorModel:
         #: S, number of receptors of all skins together.
         self.num_receptors = self.readings[-1].stop
 
-    def touches(self, surfaces: Iterable[tuple[int, Faces]], X_WL: np.ndarray) -> Touches:
+    def touches(self, surfaces: Iterable[tuple[int, Faces]], X_WL: np.ndarray) -> "Touches":
         """The touches that contact surfaces cause at N instants.
 
         Args:

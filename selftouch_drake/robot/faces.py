@@ -5,8 +5,6 @@ vertices, pressures and polygons of all contacts at once, and is made in C++: a 
 read from that.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Set
 from typing import Any, NamedTuple
@@ -38,7 +36,7 @@ class Faces(NamedTuple):
     force: np.ndarray
 
     @staticmethod
-    def of(surface: ContactSurface) -> Faces:
+    def of(surface: ContactSurface) -> "Faces":
         """Reads a contact surface face by face."""
         pressure = surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
         points = [surface.centroid(face) for face in range(surface.num_faces())]
@@ -58,7 +56,7 @@ class FaceReader:
         self._to_message = ContactResultsToLcmSystem(plant)
         self._encode = _Serializer_[drake.lcmt_contact_results_for_viz]().Serialize
 
-    def read(self, contact: ContactResults, geometries: Set[GeometryId]) -> Iterator[Faces]:
+    def read(self, contact: ContactResults, geometries: Set[GeometryId]) -> "Iterator[Faces]":
         """The faces of each contact of one of some geometries."""
         surfaces = [
             contact.hydroelastic_contact_info(i).contact_surface()

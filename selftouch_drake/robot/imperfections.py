@@ -1,7 +1,5 @@
 """Readings of real skins and joints: noise, dead receptors, quantisation, slipped joints."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,10 +24,10 @@ class ImperfectSkins:
         skins: for each skin the columns of a sensation that are its own, and its imperfections.
     """
 
-    skins: tuple[tuple[slice, ImperfectSkin], ...]
+    skins: "tuple[tuple[slice, ImperfectSkin], ...]"
 
     @staticmethod
-    def of(experiment: Experiment, skins: Sequence[SkinModel]) -> ImperfectSkins | None:
+    def of(experiment: Experiment, skins: Sequence[SkinModel]) -> "ImperfectSkins | None":
         """The imperfections of the skins of `experiment`; None if all are perfect."""
         ends = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)]).tolist()
         found = tuple(
@@ -77,7 +75,7 @@ class ImperfectSkin:
     seed: int
 
     @staticmethod
-    def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
+    def of(experiment: Experiment, number: int, skin: SkinModel) -> "ImperfectSkin | None":
         """The imperfections of skin `number` of `experiment`; None if it is perfect."""
         described, num_receptors = experiment.skins[skin.name], skin.fields.num_receptors
         flaws, reading = described.imperfections, described.reading

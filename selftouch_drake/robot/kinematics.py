@@ -1,7 +1,5 @@
 """Poses of many configurations at once, of any tree of joints that turn or slide."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,7 +36,7 @@ class Kinematics:
     X_JL: np.ndarray
 
     @staticmethod
-    def of(plant: MultibodyPlant, frames: Sequence[Frame]) -> Kinematics:
+    def of(plant: MultibodyPlant, frames: Sequence[Frame]) -> "Kinematics":
         """Reads a finalized plant whose joints each have one degree of freedom."""
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))

@@ -1,7 +1,5 @@
 """A robot in Drake: its moving joints and their limits, its skins, its touchers, its collisions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -123,7 +121,7 @@ class JointLimits:
     torque: np.ndarray
 
     @staticmethod
-    def of(robot: Robot, execution: ExecutionSettings) -> JointLimits:
+    def of(robot: Robot, execution: ExecutionSettings) -> "JointLimits":
         """The limits of `robot` and of the plans of `execution`; the tighter one holds."""
         plant = robot.plant
         actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]

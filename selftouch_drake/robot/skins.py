@@ -1,7 +1,5 @@
 """From an experiment to the skins of its robot, each in the frame of its link."""
 
-from __future__ import annotations
-
 import dataclasses
 import operator
 import warnings
@@ -72,7 +70,7 @@ class SkinModel:
         return {name: np.asarray(operator.attrgetter(name)(self)) for name in ARRAYS}
 
     @staticmethod
-    def from_arrays(name: str, link: str, arrays: Mapping[str, np.ndarray]) -> SkinModel:
+    def from_arrays(name: str, link: str, arrays: Mapping[str, np.ndarray]) -> "SkinModel":
         """The skin of `to_arrays`."""
         wall: dict[str, Any] = {key: arrays[f"wall.{key}"] for key in _WALL}
         fields: dict[str, Any] = {key: arrays[f"fields.{key}"] for key in _FIELDS}
@@ -102,7 +100,7 @@ ARRAYS = (
 )
 
 
-def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
+def make_skins(experiment: Experiment) -> "tuple[SkinModel, ...]":
     """The skins of an experiment, in its order.
 
     Raises:
@@ -113,7 +111,7 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parse(plant, load_model(experiment.robot.directives, experiment.robot.packages))
 
-    def made(number: int, name: str, skin: Skin) -> SkinModel:
+    def made(number: int, name: str, skin: Skin) -> "SkinModel":
         link = find_link(plant, skin.link, f"skins.{name}.link")
         return make_skin(
             name,
@@ -140,7 +138,7 @@ def make_skin(
     *,
     seed: int,
     motion: tuple[np.ndarray, np.ndarray] | None = None,
-) -> SkinModel:
+) -> "SkinModel":
     """One skin of a link of `plant`, which may be finalized or not.
 
     The seed chooses the receptors' places. The motion since the skin was made is of `skin_motion`.

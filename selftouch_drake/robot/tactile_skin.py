@@ -1,7 +1,5 @@
 """The tactile skin in Drake: skins for links of any plant, and the systems that feel."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -196,7 +194,7 @@ def AddTactileSkin(
     worn: Sequence[WornSkin],
     *,
     name: str = "tactile_skin",
-) -> TactileSkin:
+) -> "TactileSkin":
     """Adds one `TactileSkin` for all skins of a plant to its diagram, and connects it.
 
     A skin does not feel the links next to its own, into which it reaches at the joint. Drake leaves

@@ -4,8 +4,6 @@ Files are written whole, and checked when they are read. Files of learning carry
 experience; those of another experience or version are refused with the remedy.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Iterator, Mapping
@@ -98,7 +96,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
 def save_learned(
     run: RunDirectory,
     representation: QuotientRepresentation,
-    body: RecoveredBody,
+    body: "RecoveredBody",
     touch_model: TouchModel,
 ) -> None:
     """Saves what was learned, embedded in the body: everything or nothing.
@@ -121,7 +119,7 @@ def save_learned(
         run.trials.unlink(missing_ok=True)
 
 
-def load_body(run: RunDirectory, representation: QuotientRepresentation) -> RecoveredBody:
+def load_body(run: RunDirectory, representation: QuotientRepresentation) -> "RecoveredBody":
     """The body that `learn` recovered.
 
     Raises:
@@ -269,7 +267,7 @@ def _prefix(number: int) -> str:
     return f"part_{number}_" if number else ""
 
 
-def _topology_arrays(body: RecoveredBody) -> dict[str, np.ndarray]:
+def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
     """The parts of a body, without what the representation and the distances hold."""
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):
@@ -294,7 +292,7 @@ def _topology_arrays(body: RecoveredBody) -> dict[str, np.ndarray]:
 
 def _part_from(
     arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
-) -> RecoveredPart:
+) -> "RecoveredPart":
     from selftouch_drake.agent.shape.embedding import Embedding
     from selftouch_drake.agent.shape.homology import Topology
     from selftouch_drake.agent.shape.recovery import RecoveredPart

@@ -1,7 +1,5 @@
 """The run directory, in which every stage stores its results and finds earlier ones."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -91,7 +89,7 @@ class RunDirectory:
     report = Inside("report.html", "The report of the run.")
 
     @staticmethod
-    def create(path: Path, experiment: Experiment) -> RunDirectory:
+    def create(path: Path, experiment: Experiment) -> "RunDirectory":
         """Begins a run of `experiment`, or resumes a run of the same experiment."""
         if (path / "experiment.yaml").exists():
             run = RunDirectory.open(path)
@@ -115,7 +113,7 @@ class RunDirectory:
         return RunDirectory(path, experiment)
 
     @staticmethod
-    def open(path: Path) -> RunDirectory:
+    def open(path: Path) -> "RunDirectory":
         """Opens a run that exists.
 
         Raises:

@@ -48,12 +48,6 @@ def one_line_warnings(others: Callable[..., None]) -> Callable[..., None]:
     return show
 
 
-def meanwhile(executor: Executor, call: Callable[..., object], *arguments: Any) -> None:
-    """Makes a call that saves time later, in another process, if the executor has any."""
-    if not isinstance(executor, InTurn):
-        executor.submit(call, *arguments)
-
-
 def map_ahead(
     executor: Executor, ahead: int, call: Callable[[Any], Any], items: Iterable[Any]
 ) -> Generator[Any]:

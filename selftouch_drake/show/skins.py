@@ -1,7 +1,5 @@
 """Drawn skins, closed surfaces with receptors at the poses of their links, and paths over them."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,14 +31,14 @@ class SkinSurface:
         """m, its longest side along an axis."""
         return float(np.ptp(self.vertices, axis=0).max())
 
-    def moved(self, pose: np.ndarray) -> SkinSurface:
+    def moved(self, pose: np.ndarray) -> "SkinSurface":
         """The same skin with its frame at a pose `(3, 4)`."""
         return dataclasses.replace(
             self, vertices=moved(self.vertices, pose), receptors=moved(self.receptors, pose)
         )
 
 
-def surfaces_of(skins: Sequence[SkinModel]) -> tuple[SkinSurface, ...]:
+def surfaces_of(skins: Sequence[SkinModel]) -> "tuple[SkinSurface, ...]":
     """The skins of a world, each in the frame of its link."""
     return tuple(
         SkinSurface(
@@ -58,17 +56,17 @@ def moved(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return points @ pose[:, :3].T + pose[:, 3]
 
 
-def typical_extent(skins: Sequence[SkinSurface]) -> float:
+def typical_extent(skins: "Sequence[SkinSurface]") -> float:
     """m, the extent of a typical skin, which marks are drawn in proportion to."""
     return float(np.median([skin.extent for skin in skins]))
 
 
-def all_moved(skins: Sequence[SkinSurface], poses: np.ndarray) -> list[SkinSurface]:
+def all_moved(skins: "Sequence[SkinSurface]", poses: np.ndarray) -> "list[SkinSurface]":
     """Each skin at its own pose `(skins, 3, 4)`."""
     return [skin.moved(pose) for skin, pose in zip(skins, poses, strict=True)]
 
 
-def as_one(skins: Sequence[SkinSurface]) -> SkinSurface:
+def as_one(skins: "Sequence[SkinSurface]") -> "SkinSurface":
     """Skins in one frame as one surface of several pieces."""
     vertices, faces = trimesh.util.append_faces(
         [s.vertices for s in skins], [s.faces for s in skins]
@@ -93,7 +91,7 @@ class SkinPath:
     points: np.ndarray
     rows: np.ndarray
 
-    def moved(self, pose: np.ndarray) -> SkinPath:
+    def moved(self, pose: np.ndarray) -> "SkinPath":
         """The same path with its frame put at a pose `(3, 4)`."""
         return dataclasses.replace(self, points=moved(self.points, pose))
 
@@ -107,7 +105,7 @@ class SkinPath:
         return self.points[found[0]] if len(found) else None
 
 
-def touch_paths(world: World, q: np.ndarray) -> list[SkinPath]:
+def touch_paths(world: World, q: np.ndarray) -> "list[SkinPath]":
     """Paths of all touchers over the skins, along a motion q `(T, J)`.
 
     Where balls touch one skin, all of their path is shown, in contact or not. Otherwise a path is

@@ -4,8 +4,6 @@ Colours for colour-blind readers, quiet axes, no pyplot; the camera is far away,
 perspective.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,7 +92,7 @@ class View:
         return points @ self.axes.T
 
     @staticmethod
-    def of_most(offsets: np.ndarray, extent: float) -> View:
+    def of_most(offsets: np.ndarray, extent: float) -> "View":
         """The view of what is touched most, if it is all on one side; else the usual view.
 
         Args:
@@ -106,7 +104,7 @@ class View:
         return View.facing(middle) if one_sided else View()
 
     @staticmethod
-    def facing(direction: np.ndarray) -> View:
+    def facing(direction: np.ndarray) -> "View":
         """The view from the side that `direction` `(3,)` points to, a little from its left."""
         azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
         return View(azimuth=float(azimuth) - 20.0)

@@ -1,7 +1,5 @@
 """Running a sweep: each run is a directory of its own, and shared stages are computed once."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil
@@ -41,7 +39,7 @@ class SweepDirectory:
     figures = Inside("figures", "Pictures.")
 
     @staticmethod
-    def create(path: Path, sweep: Sweep) -> SweepDirectory:
+    def create(path: Path, sweep: Sweep) -> "SweepDirectory":
         """Begins or resumes a sweep; existing runs are kept.
 
         Raises:
@@ -84,7 +82,7 @@ def run_name(experiment: Experiment) -> str:
 
 def run_sweep(
     sweep: Sweep,
-    directory: SweepDirectory,
+    directory: "SweepDirectory",
     executor: Executor,
     progress: Callable[[float, str], None] = stages.silent,
     *,
@@ -144,10 +142,10 @@ class _Job:
 
     stage: str
     runs: list[RunDirectory]
-    then: list[_Job]
+    then: "list[_Job]"
 
 
-def _jobs(sweep: Sweep, directory: SweepDirectory) -> list[_Job]:
+def _jobs(sweep: Sweep, directory: "SweepDirectory") -> "list[_Job]":
     """Babbling for all runs that share it, then learning from it, then evaluation."""
     groups: dict[str, dict[str, list[RunDirectory]]] = defaultdict(lambda: defaultdict(list))
     for experiment in sweep.experiments:

@@ -21,7 +21,7 @@ from selftouch_drake.evaluation.motion import (
 from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.surfaces import sphere
 
-KNOWN = SimpleNamespace(target_sensations=np.eye(3), num_set_aside=0)
+KNOWN = SimpleNamespace(target_sensations=np.eye(3), num_set_aside=0, part=np.zeros(3, int))
 
 
 def motion(predicted, *, goal=2, in_air=(False, False, False)):

@@ -1,7 +1,5 @@
 """What the agent felt, what it expects to feel, and how much a touch surprises it (naive)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,10 +43,10 @@ class TouchSet:
     def __len__(self) -> int:
         return len(self.q)
 
-    def __getitem__(self, rows: slice | np.ndarray) -> TouchSet:
+    def __getitem__(self, rows: slice | np.ndarray) -> "TouchSet":
         return TouchSet(self.q[rows], self.sensation[rows])
 
-    def and_then(self, others: TouchSet) -> TouchSet:
+    def and_then(self, others: "TouchSet") -> "TouchSet":
         """These touches and others after them."""
         if not len(self) or not len(others):
             return self if len(self) else others
@@ -75,9 +73,9 @@ class Expectation:
 
     def __init__(
         self,
-        touches: TouchSet,
+        touches: "TouchSet",
         *,
-        like: Expectation | None = None,
+        like: "Expectation | None" = None,
         num_steps: int = NUM_STEPS,
         seed: int = 0,
     ) -> None:
@@ -107,7 +105,7 @@ class Expectation:
         """`(n, J)` float32, configurations as the network takes them."""
         return ((q - self._middle) / self.scale).astype(np.float32)
 
-    def as_learned(self, touches: TouchSet) -> np.ndarray:
+    def as_learned(self, touches: "TouchSet") -> np.ndarray:
         """`(n, S + 1)` float32, sensations of unit L2 norm, and firmness, as the network says."""
         firmness = self._firmness(touches.sensation)
         return np.column_stack([unit(touches.sensation), firmness]).astype(np.float32)

@@ -1,7 +1,5 @@
 """Chooses the motor kernel sets to pass through (paper, section III)."""
 
-from __future__ import annotations
-
 import heapq
 from dataclasses import dataclass
 from typing import Literal
@@ -121,7 +119,7 @@ class RouteGraph:
     @classmethod
     def of(
         cls, representation: QuotientRepresentation, links: np.ndarray, mode: int = 0
-    ) -> RouteGraph:
+    ) -> "RouteGraph":
         """Arranges one mode of `representation` and the `(L, 2)` links for search."""
         num_kernels = representation.num_targets
         joints = np.flatnonzero(representation.mode_joints[mode])
@@ -167,7 +165,7 @@ def leap_penalty(length: np.ndarray) -> np.ndarray:
 
 
 def carried_route(
-    graph: RouteGraph,
+    graph: "RouteGraph",
     x_start: np.ndarray,
     start: int,
     goal: int,

@@ -7,8 +7,6 @@ configuration beside them that it is touched less than lightly, or more than fir
 direction lies the skin. So a path is bent into the skin before anybody follows it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -147,7 +145,7 @@ class TouchModel:
         kernel_sensation: Callable[[], csr_array],
         *,
         seed: int = 0,
-    ) -> TouchModel:
+    ) -> "TouchModel":
         """Learns from stored touches; same seed, same bytes, on one machine.
 
         The `(R, S)` sensations of unit L2 norm, at each row of `kernel_q`, are asked for if there
@@ -216,7 +214,7 @@ class TouchModel:
         return arrays
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> TouchModel:
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "TouchModel":
         """Inverse of `to_arrays`; other names are ignored.
 
         Raises:

@@ -1,7 +1,5 @@
 """The quotient representation as a scikit-learn estimator."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -19,7 +17,6 @@ from selftouch_drake.agent.representation.batches import (
 )
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quantise import assign
-from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 
 
 class QuotientLearner(BaseEstimator):
@@ -40,15 +37,13 @@ class QuotientLearner(BaseEstimator):
         num_targets: int = 1000,
         max_kernel_size: int = 1000,
         *,
-        max_queries: int = MAX_QUERIES,
         random_state: int = 0,
     ) -> None:
         self.num_targets = num_targets
         self.max_kernel_size = max_kernel_size
-        self.max_queries = max_queries
         self.random_state = random_state
 
-    def fit(self, sensation: np.ndarray, q: np.ndarray) -> QuotientLearner:
+    def fit(self, sensation: np.ndarray, q: np.ndarray) -> "QuotientLearner":
         """Learns from `(n, S)` N, no row null, felt at `(n, J)` q in the robot's units.
 
         Raises:
@@ -56,7 +51,7 @@ class QuotientLearner(BaseEstimator):
         """
         return self.fit_batches(lambda: [(sensation, q)])
 
-    def fit_batches(self, batches: Batches) -> QuotientLearner:
+    def fit_batches(self, batches: Batches) -> "QuotientLearner":
         """As `fit`, from experience of any size in bounded memory; see `learning.learn`."""
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):
@@ -65,7 +60,6 @@ class QuotientLearner(BaseEstimator):
             lambda: self._noted(batches()),
             num_targets=self.num_targets,
             max_kernel_size=self.max_kernel_size,
-            max_queries=self.max_queries,
             seed=seed,
         ).representation
         self.target_sensations_ = self.representation_.target_sensations

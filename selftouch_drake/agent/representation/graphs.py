@@ -15,8 +15,6 @@ No edge and no link joins two parts of the body: between them, a plan lifts off.
 is complete (section III); its edges include chords through free space.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -236,7 +234,7 @@ def link_lengths(representation: QuotientRepresentation, links: np.ndarray) -> n
     return distance[*links.T] / spacing
 
 
-def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> nx.Graph:
+def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> "nx.Graph":
     """The quotient graph as a networkx graph.
 
     Nodes are kernels with attributes `size` (stored configurations), `part`, `target_sensation`
@@ -267,7 +265,7 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
     return graph
 
 
-def without_vectors(graph: nx.Graph) -> nx.Graph:
+def without_vectors(graph: "nx.Graph") -> "nx.Graph":
     """A graph of `to_networkx` for formats without vectors, such as GraphML.
 
     A node's `position` becomes `position_0` to `position_2`, and so on.

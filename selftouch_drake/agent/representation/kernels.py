@@ -6,8 +6,6 @@ keeps the rows with the lowest priorities. So the kernels do not depend on how t
 split into batches, and the memory does not grow with the experience.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -47,11 +45,11 @@ class KernelSets:
         """`(n, J)` the configurations of `kernel`."""
         return self.x[self.offsets[kernel] : self.offsets[kernel + 1]]
 
-    def at(self, x: np.ndarray) -> KernelSets:
+    def at(self, x: np.ndarray) -> "KernelSets":
         """The same sets in other coordinates, `(R, D)`."""
         return replace(self, x=x)
 
-    def thinned(self, most: int) -> KernelSets:
+    def thinned(self, most: int) -> "KernelSets":
         """At most so many configurations of each kernel, evenly strided."""
         sizes, kept = self.sizes, np.minimum(self.sizes, most)
         offsets = np.concatenate([[0], np.cumsum(kept)])
@@ -61,7 +59,7 @@ class KernelSets:
             self.x[self.offsets[kernel] + number * sizes[kernel] // kept[kernel]], offsets
         )
 
-    def firm(self, strength: np.ndarray) -> KernelSets:
+    def firm(self, strength: np.ndarray) -> "KernelSets":
         """The half of each kernel that was felt more strongly, by `(R,)` strengths.
 
         A firm touch is deep in the skin, so small motion errors do not lose contact.
@@ -93,7 +91,7 @@ class KernelSample:
         counts = np.bincount(self.kernel, minlength=num_kernels)
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
-    def first(self, num_kernels: int) -> KernelSample:
+    def first(self, num_kernels: int) -> "KernelSample":
         """The rows of kernels 0 to `num_kernels` - 1."""
         rows = slice(int(np.searchsorted(self.kernel, num_kernels)))
         columns = {name: column[rows] for name, column in self.columns.items()}
@@ -177,7 +175,7 @@ class KernelReservoir:
         self._highest[:] = np.inf
         self._settle()
 
-    def sample(self) -> KernelSample:
+    def sample(self) -> "KernelSample":
         """The rows kept so far; kernels with at most `max_size` rows are complete."""
         self._settle()
         columns = dict(self._settled)

@@ -33,7 +33,6 @@ from selftouch_drake.agent.representation.quantise import assign, strength, targ
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import (
-    MAX_QUERIES,
     linked_nearest,
     set_distances,
 )
@@ -82,7 +81,6 @@ def learn(
     *,
     num_targets: int,
     max_kernel_size: int,
-    max_queries: int = MAX_QUERIES,
     seed: int = 0,
     progress: Progress = lambda fraction, stage: None,
     each: Map = map,
@@ -96,7 +94,6 @@ def learn(
             `ExperienceReader.touches` and `stored` do.
         num_targets: K, number of target sensations.
         max_kernel_size: most motor configurations kept per kernel.
-        max_queries: most configurations per set whose nearest neighbours are searched.
         seed: the same seed and experience give the same bytes.
         progress: called with the fraction done and the stage.
         each: makes the calls that read; what they return does not depend on where.
@@ -108,7 +105,6 @@ def learn(
     for name, number, least in (
         ("num_targets", num_targets, 2),
         ("max_kernel_size", max_kernel_size, 1),
-        ("max_queries", max_queries, 1),
         ("seed", seed, 0),
     ):
         if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < least:
@@ -141,7 +137,6 @@ def learn(
     distance = set_distances(
         sets,
         "quantile",
-        max_queries=max_queries,
         rough=unlike(targets),
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
     )

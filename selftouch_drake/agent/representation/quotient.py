@@ -1,7 +1,5 @@
 """The quotient representation: what the agent keeps from its experience."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 
@@ -146,7 +144,7 @@ class QuotientRepresentation(Record):
         """The rows of `kernel_*` that belong to `kernel`."""
         return slice(int(self.kernel_offsets[kernel]), int(self.kernel_offsets[kernel + 1]))
 
-    def restricted(self, kernels: np.ndarray) -> QuotientRepresentation:
+    def restricted(self, kernels: np.ndarray) -> "QuotientRepresentation":
         """The representation of some of the kernels, `(n,)` ascending."""
         if len(kernels) == self.num_targets:
             return self
@@ -184,7 +182,7 @@ def row_joints(mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
     return np.concatenate([mode_joints, np.ones_like(mode_joints[:1])])[mode]
 
 
-def stored_row(representation: QuotientRepresentation, kernel: int, q: np.ndarray) -> int | None:
+def stored_row(representation: "QuotientRepresentation", kernel: int, q: np.ndarray) -> int | None:
     """The row of `kernel_q` at which `(J,)` q is stored in a kernel; None if it is not.
 
     Joints that do not matter to a touch may have any position.

@@ -8,8 +8,6 @@ a gap in the layout, and a false loop around it. But a quotient map is smooth, a
 motor configurations within such a kernel: wide cells are cut into pieces.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -62,7 +60,7 @@ class Cells:
     area: np.ndarray
 
     @classmethod
-    def of(cls, sets: KernelSets, skin: int = 2) -> Cells:
+    def of(cls, sets: KernelSets, skin: int = 2) -> "Cells":
         """Measures the cells of K sets in quotient coordinates, without outliers."""
         groups = np.split(np.asarray(sets.x, dtype=float), sets.offsets[1:-1])
         scatters = [_scatter(group, group.mean(axis=0)) / len(group) for group in groups]
@@ -138,7 +136,7 @@ def _scatter(points: np.ndarray, mean: np.ndarray) -> np.ndarray:
     return apart.T @ apart
 
 
-def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarray]:
+def cut_wide_cells(sets: KernelSets, cells: "Cells") -> tuple[KernelSets, np.ndarray]:
     """Cuts each cell at least 1.5 times as large as those around it into pieces.
 
     k-means in the cell's own tangent plane finds the pieces. Returns the same coordinates as P

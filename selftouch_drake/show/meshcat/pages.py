@@ -1,7 +1,5 @@
 """Robots in a browser: one with a slider for each joint, and one that lives and learns."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -42,11 +40,6 @@ class RobotPage(FeelingRobot):
         meshcat.AddButton(END, "Escape")
         self._take(self.home)
 
-    @property
-    def ended(self) -> bool:
-        """Whether the user pressed the end button."""
-        return self._meshcat.GetButtonClicks(END) > 0
-
     def step(self) -> None:
         """Takes the posture of the sliders, if they have moved."""
         q = np.array([self._meshcat.GetSliderValue(name) for name in self._robot.joint_names])
@@ -70,7 +63,7 @@ def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None
     """Shows a robot in a browser, until its `end` button or Ctrl-C."""
     with shown_page(world.experiment.name, announce=announce) as meshcat:
         page = RobotPage(meshcat, world)
-        while not page.ended:
+        while not meshcat.GetButtonClicks(END):
             page.step()
             time.sleep(FRAME_S)
 
@@ -94,7 +87,7 @@ class LifePage(Watcher):
         self._meshcat.Delete("/skins")
         self._world, self.robot = world, FeelingRobot(self._meshcat, world)
 
-    def lived(self, q: np.ndarray, sensation: np.ndarray, life: Life) -> None:
+    def lived(self, q: np.ndarray, sensation: np.ndarray, life: "Life") -> None:
         """Shows some of the touches from which the agent learned.
 
         Raises:

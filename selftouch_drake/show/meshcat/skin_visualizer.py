@@ -1,7 +1,5 @@
 """A system that shows sensations in Meshcat, live and in recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -67,7 +65,7 @@ class SkinVisualizer(LeafSystem):
         meshcat: Meshcat,
         *,
         full: float = FIRM,
-    ) -> SkinVisualizer:
+    ) -> "SkinVisualizer":
         """Adds a visualizer to a diagram and connects it to the sensor `touch` of the skins."""
         show = SkinVisualizer(meshcat, worn, full=full)
         builder.AddNamedSystem("skin_visualizer", show)

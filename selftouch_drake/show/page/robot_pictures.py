@@ -24,7 +24,6 @@ from selftouch_drake.show.skins import SkinSurface, all_moved, as_one, surfaces_
 from selftouch_drake.show.style import (
     BLUE,
     FIRM,
-    GREEN,
     INK,
     ORANGE,
     PRESSURE,
@@ -33,9 +32,9 @@ from selftouch_drake.show.style import (
     styled,
 )
 
-# Sizes as shares of the whole picture's: joints, several joints in one point, rods, and the longest
-# edge of what is sorted by depth.
-_JOINT, _JOINTS, _ROD, _EDGE = 0.036, 0.028, 0.02, 0.04
+# Sizes as shares of the whole picture's: joints, rods, and the longest edge of what is sorted by
+# depth.
+_JOINT, _ROD, _EDGE = 0.036, 0.02, 0.04
 # Degrees above the horizon, and round the vertical: never along an axis, where boxes look flat.
 _ELEVATION = 18.0
 _AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (22, 34, 45, 56, 68)]
@@ -136,21 +135,15 @@ def _draw_joints(
 ) -> list[tuple[str, str]]:
     """Marks the joints that nothing hides; returns colour and name of each kind."""
     places, which = np.unique(robot.joints.round(6), axis=0, return_inverse=True)
-    number = np.bincount(which.ravel())
     turns = np.array([robot.turns[which.ravel() == k].all() for k in range(len(places))])
     # Through the housing of the joint itself, but not through another link.
     seen = unhidden(places + _HOUSING * size * view.towards, triangles, view)
-    kinds = (
-        (turns & (number < 3), _JOINT, BLUE, "joints that turn"),
-        (turns & (number >= 3), _JOINTS, GREEN, "three in one point"),
-        (~turns, _JOINT, ORANGE, "joints that slide"),
-    )
+    kinds = ((turns, BLUE, "joints that turn"), (~turns, ORANGE, "joints that slide"))
     meshes = [
-        balls(places[those & seen], radius * size, color, detail=3)
-        for those, radius, color, _ in kinds
+        balls(places[those & seen], _JOINT * size, color, detail=3) for those, color, _ in kinds
     ]
     draw(ax, view, *meshes, zorder=3)
-    return [(color, label) for those, _, color, label in kinds if those.any()]
+    return [(color, label) for those, color, label in kinds if those.any()]
 
 
 class PostureCamera:

@@ -4,8 +4,6 @@ Matplotlib's own 3-D axes sort whole collections by depth, not what is in them, 
 Here points are projected first, and whatever may hide each other is drawn as one collection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,6 +26,21 @@ _CHUNK = 64
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 # Cosine of the angle between faces beyond which they meet in an edge, not in a smooth bend.
 EDGE = 0.85
+
+
+@dataclass(frozen=True, slots=True)
+class ColoredMesh:
+    """Triangles with colours.
+
+    Attributes:
+        triangles: `(N, 3, 3)` corners.
+        normals: `(N, 3)` unit vectors, outward.
+        rgb: `(N, 3)` before light falls on it.
+    """
+
+    triangles: np.ndarray
+    normals: np.ndarray
+    rgb: np.ndarray
 
 
 def add_scene(figure: Figure, where: SubplotSpec, title: str = "") -> Axes:
@@ -182,21 +195,6 @@ def _lit(rgb: np.ndarray, normals: np.ndarray, view: View, ambient: float) -> np
     brightness = ambient + (1.04 - ambient) * np.clip(normals @ view.light, 0.0, 1.0)
     shine *= (1.0 - ambient) / (1.0 - _AMBIENT)
     return np.clip(rgb * brightness[:, None] + shine[:, None], 0.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class ColoredMesh:
-    """Triangles with colours.
-
-    Attributes:
-        triangles: `(N, 3, 3)` corners.
-        normals: `(N, 3)` unit vectors, outward.
-        rgb: `(N, 3)` before light falls on it.
-    """
-
-    triangles: np.ndarray
-    normals: np.ndarray
-    rgb: np.ndarray
 
 
 def surface(

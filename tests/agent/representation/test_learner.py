@@ -283,7 +283,6 @@ def changed(array, index, value):
         ({"num_targets": 1}, {}, "num_targets is 1: give a whole number, 2 or more"),
         ({"num_targets": 2.5}, {}, "num_targets is 2.5: give a whole number, 2 or more"),
         ({"max_kernel_size": 0}, {}, "max_kernel_size is 0: give a whole number, 1 or more"),
-        ({"max_queries": True}, {}, "max_queries is True: give a whole number, 1 or more"),
         ({"random_state": -1}, {}, "seed is -1: give a whole number, 0 or more"),
         (
             {},
