@@ -63,6 +63,7 @@ SMALL: dict[str, list[str]] = {
         "--out={tmp}/t",
     ],
     "causes": ["{tmp}/sphere_1", "--touches=20000"],
+    "cluster": ["{run}"],
     "calibration": ["--seeds=1", "--out={tmp}/table.md"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }

@@ -132,7 +132,7 @@ def test_the_legend_names_the_kinds_of_joints(two_skins):
     drawn = RobotShape(data.world).at(np.zeros(12))
     figure = robot_pictures.agent(data.skins, drawn)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
+    assert labels == ["joints that turn", "what touches", "receptors (32)"]
 
 
 def ball_at(centre) -> SkinSurface:
