@@ -170,7 +170,7 @@ def other_ways(
         elif plan.links[step] >= 0 and (slid := slider.slide(x_from, x_to)) is not None:
             passed, felt = slid
             part = representation.part == representation.part[plan.nodes[step]]
-            node = np.where(part, felt @ representation.target_sensations.T, 0.0).argmax(axis=1)
+            node = np.where(part, felt @ representation.target_sensations.T, -1.0).argmax(axis=1)
         # An empty slide means that the step is already as short as a part of a slide.
         if len(passed):
             slides = slides.and_also(x_from, x_to, passed, node)

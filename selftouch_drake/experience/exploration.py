@@ -85,7 +85,7 @@ class Exploration:
         self.num_touches += len(q)
         self._q = q[-1]
         self.round += 1
-        if self.experiment.babbling.seek == "postures":
+        if self.experiment.babbling.seek == "postures" and not isinstance(self.mind, Life):
             return  # it does not go by what it knows
         self.mind.take(q, sensation)
         learner = self.mind.learner if isinstance(self.mind, Life) else self.mind

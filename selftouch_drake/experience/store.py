@@ -321,7 +321,7 @@ class ExperienceReader:
 
     def stored(self) -> Iterator[StoredTouches]:
         """The same, unread, for processes that see these files."""
-        return (StoredTouches(path, _open(path).metadata.num_rows) for path in self._paths)
+        return (StoredTouches(p.resolve(), _open(p).metadata.num_rows) for p in self._paths)
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""

@@ -59,7 +59,8 @@ def live(
     try:
         for q, sensation, learn in _blocks(run, life, num_more):
             biography.take(q, sensation, learn)
-            progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
+            taken = life.num_touches
+            progress(life.every * taken / total, f"{taken:,} touches: {mood(life)}")
     finally:
         save_arrays(run.life, biography.curves.to_arrays() | run.stamp())
     return biography.curves

@@ -202,9 +202,10 @@ class Life:
             self._before = self._strange = TouchSet()
 
     def _remembered(self) -> tuple[TouchSet, np.ndarray]:
-        """The learner's touches, and `(n,)` their numbers in the order in which it took them."""
+        """The learner's touches, each once, and `(n,)` their numbers in the order it took them."""
         held = self.learner.remembered()
-        return TouchSet(held.columns["q"], held.columns["sensation"]), held.row
+        first = np.sort(np.unique(held.row, return_index=True)[1])
+        return TouchSet(held.columns["q"], held.columns["sensation"])[first], held.row[first]
 
     def _expect(self) -> None:
         """Learns what to expect from all remembered touches except the last ones."""

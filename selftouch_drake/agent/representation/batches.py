@@ -20,7 +20,6 @@ _BLOCK = 16_384
 #: The text of an error.
 NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 
-
 #: `(n, S)` sensations in N and `(n, J)` motor configurations in the robot's units.
 Batch = tuple[np.ndarray, np.ndarray]
 

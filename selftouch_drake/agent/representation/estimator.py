@@ -52,7 +52,7 @@ class QuotientLearner(BaseEstimator):
         return self.fit_batches(lambda: [(sensation, q)])
 
     def fit_batches(self, batches: Batches) -> "QuotientLearner":
-        """As `fit`, from experience of any size in bounded memory; see `learning.learn`."""
+        """As `fit`, from arrays of any size in bounded memory; see `learning.learn`."""
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):
             seed = seed.randint(2**31)

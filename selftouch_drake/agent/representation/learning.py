@@ -200,9 +200,8 @@ def _quantised(
 
 def _some(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
     sensation, q = batch
-    kernel = np.zeros(len(q), dtype=int)
     row = np.arange(len(q))
-    return draw.take(kernel, row, sensation=sensation, q=q.astype(np.float32)), len(q)
+    return draw.take(0 * row, row, sensation=sensation, q=q.astype(np.float32)), len(q)
 
 
 def _sorted(
