@@ -6,7 +6,6 @@ order, because each remembers the earlier ones. Only the parts of their scores s
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -209,30 +208,31 @@ def try_pairs(
     first_try = partial(_first_try, run, learned)
     ahead = map_ahead(executor or InTurn(), _MOST_AHEAD, first_try, pairs)
     try:
-        with closing(ahead) as results:
-            for number, (start, goal) in enumerate(pairs):
-                progress(number / len(pairs), f"sensation {start} to {goal}")
-                if (result := next(results)) is None:
-                    without_way.append((start, goal))
-                    continue
-                first, known = result
-                save_plan(run, known.execution, start, goal)
-                rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
-                rehearsed = rehearsed or [known]
-                kept = best(rehearsed).execution
-                trials.append(
-                    Trial(
-                        **vars(first),
-                        remembering=tries.score(rehearsed[0].execution),
-                        kept=tries.score(kept),
-                        num_tries=len(rehearsed),
-                        off_skin_kept_s=tries.off_skin_s(kept),
-                    )
+        for number, (start, goal) in enumerate(pairs):
+            progress(number / len(pairs), f"sensation {start} to {goal}")
+            if (result := next(ahead)) is None:
+                without_way.append((start, goal))
+                continue
+            first, known = result
+            save_plan(run, known.execution, start, goal)
+            rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
+            rehearsed = rehearsed or [known]
+            kept = best(rehearsed).execution
+            trials.append(
+                Trial(
+                    **vars(first),
+                    remembering=tries.score(rehearsed[0].execution),
+                    kept=tries.score(kept),
+                    num_tries=len(rehearsed),
+                    off_skin_kept_s=tries.off_skin_s(kept),
                 )
+            )
     except BrokenExecutor:
         raise ChildProcessError(
             "an evaluating process was killed, perhaps because memory ran out; repeat the command"
         ) from None
+    finally:
+        ahead.close()
     return trials, without_way
 
 

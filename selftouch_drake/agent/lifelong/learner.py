@@ -159,8 +159,7 @@ class OnlineLearner:
     def _lay_out(self) -> None:
         """Chooses targets again and assigns each remembered touch to the most similar one."""
         held = self.remembered()
-        # A double touch is remembered once for each part.
-        first = np.sort(np.unique(held.row, return_index=True)[1])
+        first = held.distinct
         q, sensation = held.columns["q"][first], held.columns["sensation"][first]
         some = np.arange(len(q))
         if len(some) > MAX_ROWS:

@@ -204,7 +204,7 @@ class Life:
     def _remembered(self) -> tuple[TouchSet, np.ndarray]:
         """The learner's touches, each once, and `(n,)` their numbers in the order it took them."""
         held = self.learner.remembered()
-        first = np.sort(np.unique(held.row, return_index=True)[1])
+        first = held.distinct
         return TouchSet(held.columns["q"], held.columns["sensation"])[first], held.row[first]
 
     def _expect(self) -> None:

@@ -36,6 +36,8 @@ def passed(
     reservoir: KernelReservoir,
     batches: Iterable[Any],
     each: Map,
+    *,
+    check: bool = False,
 ) -> Iterator[Any]:
     """What `work` makes of each block of the experience, in order, and of the draw for it."""
 
@@ -46,18 +48,18 @@ def passed(
                 yield reservoir.draw(first_row), part
                 first_row += len(part[1]) if isinstance(part, tuple) else part.num_rows
 
-    for made in each(partial(_made, work), parts()):
+    for made in each(partial(_made, work, check), parts()):
         yield from made
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def _made(work: Callable[[Draw, Batch], Any], part: tuple[Draw, Any]) -> list[Any]:
-    """What `work` makes of each block of a batch; one that is read is checked."""
+def _made(work: Callable[[Draw, Batch], Any], check: bool, part: tuple[Draw, Any]) -> list[Any]:
+    """What `work` makes of each block of a batch; one that is read is checked, if so asked."""
     draw, batch = part
     if isinstance(batch, tuple):
         return [work(draw, batch)]
-    made, first_row = [], draw.first_row
-    for sensation, q in _in_blocks(*_checked_batch(batch.read(), first_row)):
+    made, first_row, read = [], draw.first_row, batch.read()
+    for sensation, q in _in_blocks(*_checked_batch(read, first_row) if check else read):
         made.append(work(replace(draw, first_row=first_row), (sensation, q)))
         first_row += len(q)
     return made

@@ -91,6 +91,11 @@ class KernelSample:
         counts = np.bincount(self.kernel, minlength=num_kernels)
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
+    @property
+    def distinct(self) -> np.ndarray:
+        """`(n,)` ascending, one entry of each row: a double touch is kept once for each part."""
+        return np.sort(np.unique(self.row, return_index=True)[1])
+
     def first(self, num_kernels: int) -> "KernelSample":
         """The rows of kernels 0 to `num_kernels` - 1."""
         rows = slice(int(np.searchsorted(self.kernel, num_kernels)))

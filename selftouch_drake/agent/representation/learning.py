@@ -32,10 +32,7 @@ from selftouch_drake.agent.representation.kernels import (
 from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations, unit
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
-from selftouch_drake.agent.representation.set_distances import (
-    linked_nearest,
-    set_distances,
-)
+from selftouch_drake.agent.representation.set_distances import linked_nearest, set_distances
 from selftouch_drake.agent.representation.touches import (
     Together,
     expected_readings,
@@ -170,7 +167,7 @@ def _quantised(
     rows.
     """
     some = KernelReservoir(1, MAX_ROWS, seed=seed)
-    for taken, rows in passed(_some, some, checked(batches()), each):
+    for taken, rows in passed(_some, some, checked(batches()), each, check=True):
         some.keep(taken, rows)
         progress(0.0, "target sensations")
     if not some.num_rows:
@@ -201,7 +198,7 @@ def _quantised(
 def _some(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
     sensation, q = batch
     row = np.arange(len(q))
-    return draw.take(0 * row, row, sensation=sensation, q=q.astype(np.float32)), len(q)
+    return draw.take(np.zeros_like(row), row, sensation=sensation, q=q.astype(np.float32)), len(q)
 
 
 def _sorted(
@@ -288,10 +285,8 @@ def common_targets(
         if not together.chance:
             break
         label, _ = assign(sensation, targets)
-        size, part = (
-            np.bincount(label, minlength=len(targets)),
-            kernel_parts(targets, together.near),
-        )
+        size = np.bincount(label, minlength=len(targets))
+        part = kernel_parts(targets, together.near)
         typical = np.array([np.median(size[part == number]) for number in range(part.max() + 1)])
         rare = size < _RARE * typical[part]
         if not rare.any():
