@@ -34,7 +34,7 @@ _FAST = 0.99
 # Second differences of recorded joints are mostly noise.
 _ACCELERATION_PER_SPEED = 5.0
 # Most rows without a touch that a run keeps, at most half of them next to a touch.
-_MOST_FREE = 20_000
+_MOST_FREE = 100_000
 # rad/s or m/s, if the data have no times.
 _DEFAULT_SPEED = 1.0
 # How touches are found; everything else says how a recording is read.
@@ -149,7 +149,7 @@ def free_rows(data: Data, seed: int) -> dict[str, np.ndarray]:
 
     Returns:
         `q`: `(m, J)` float32, in the order of the recording; `next_to_touch`: `(m,)` bool, the last
-        before a touch or the first after one. At most 20,000.
+        before a touch or the first after one. At most 100,000.
     """
     rng, piece, null = np.random.default_rng(seed), data.recording.piece, data.felt.null
     touching = np.ones(len(piece), dtype=bool)

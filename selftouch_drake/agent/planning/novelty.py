@@ -10,12 +10,13 @@ from selftouch_drake.agent.planning.route import goal_members
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: rad of path between the places that are looked at; most stored touches that are compared.
-_SAMPLED, _MOST_TOUCHES = 0.1, 20_000
+_SAMPLED, _MOST_TOUCHES = 0.1, 100_000
 
-#: Number of starts from which `surest` plans. Measured on 40 plans on each of three recordings with
-#: 12 joints and 7,000 touches: with one, rigid parts overlap on 20, 25 and 25 % of the samples;
-#: with these on 16, 16 and 26 %. Contact changes by -1.0 to 1.2 %.
-_NUM_STARTS = 24
+#: A place is known if so many recorded ones are near: the nearest alone may be a rare posture. And
+#: number of starts from which `surest` plans. Measured on 60 plans on each of two recordings with
+#: 12 joints and 30,000 touches: rigid parts overlap on 1.2 and 1.3 % of the samples; with the
+#: nearest alone on 2.0 and 2.5 %, with 24 starts on 1.9 and 1.6 %, with one on 3.4 and 4.9 %.
+_NEAR, _NUM_STARTS = 2, 48
 
 #: Straying counts to this power, because contact is lost where a plan strays most. Measured on 150
 #: plans on each of three recordings with 12 joints and 30,000 touches: contact 99.1, 99.2, 99.0 %
@@ -27,21 +28,22 @@ _POWER = 8
 class Recorded:
     """Where a robot was while it was recorded, in touch and, at `(m, J)` `free_q`, free.
 
-    The typical distance of touches is that from one to the next.
+    The typical distance of touches is that from one to the second nearest.
     """
 
     def __init__(self, representation: QuotientRepresentation, free_q: np.ndarray):
         q = representation.kernel_q[:: -(-representation.num_rows // _MOST_TOUCHES)]
         self._representation = representation
         self._near = KDTree(representation.scaled(np.concatenate([q, free_q])))
-        beside = self._near.query(self._near.data[: len(q)], k=2)[0][:, 1]
+        beside = self._near.query(self._near.data[: len(q)], k=[1 + _NEAR])[0]
         self._typical = float(np.median(beside)) or 1.0
 
     def strays(self, plan: Plan) -> np.ndarray:
         """`(n,)` how far the path is from anything recorded, in typical distances."""
         length = plan.waypoint_s[-1]
         places = plan.path(np.linspace(0.0, length, 2 + int(length / _SAMPLED)))
-        return self._near.query(self._representation.scaled(places))[0] / self._typical
+        away, _ = self._near.query(self._representation.scaled(places), k=[_NEAR])
+        return away[:, 0] / self._typical
 
     def novelty(self, plan: Plan) -> float:
         """How far a plan strays: the 95th percentile along its path, in typical distances."""

@@ -18,13 +18,13 @@ def tour(q_start):
 def test_a_path_along_recorded_postures_strays_least():
     recorded = Recorded(KNOWN, np.empty((0, 1)))
     near, far = tour(np.array([0.0])), tour(np.array([9.0]))
-    assert recorded.novelty(near) <= 0.5  # half way between neighbours
-    assert recorded.novelty(far) == pytest.approx(2.9, abs=0.2)
+    assert recorded.novelty(near) <= 1.0  # from one neighbour to the other
+    assert recorded.novelty(far) == pytest.approx(2.8, abs=0.2)
 
 
 def test_free_postures_tell_where_the_robot_can_be():
     free = np.arange(3.0, 9.0)[:, None]
-    assert Recorded(KNOWN, free).novelty(tour(np.array([9.0]))) <= 0.6
+    assert Recorded(KNOWN, free).novelty(tour(np.array([9.0]))) <= 1.0
 
 
 def test_a_plan_begins_where_its_way_is_best_known():
