@@ -40,7 +40,7 @@ wheel: $(VENV)/bin/python  ## build the package into dist
 mutants: $(VENV)/.installed-test  ## break one line at a time, and count who notices: an hour
 	$(BIN)/python benchmarks/mutants.py
 
-bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## measure speed and memory, compared with alternatives: ten minutes
+bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## measure speed and memory, compared with alternatives: minutes
 	$(BIN)/python benchmarks/table.py --before $(BEFORE)
 
 $(BEFORE)/Makefile:  # the version that `bench` compares with
@@ -49,7 +49,7 @@ $(BEFORE)/Makefile:  # the version that `bench` compares with
 pictures: $(VENV)/.installed-test  ## redraw all pictures of README and documentation: half an hour
 	$(BIN)/python benchmarks/pictures.py
 
-notebooks: $(VENV)/.installed-test  ## run all notebooks and store their outputs: an hour
+notebooks: $(VENV)/.installed-test  ## run all notebooks and store their outputs: ten minutes
 	$(BIN)/python benchmarks/notebooks.py
 
 memory: $(VENV)/.installed  ## measure peak memory of every stage, at a million touches and at ten
