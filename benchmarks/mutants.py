@@ -165,8 +165,8 @@ MUTANTS = (
     Mutant(
         name="expected error: too sure",
         file="agent/shape/recovery.py",
-        old="= -0.30, 0.22, 0.60",
-        new="= -0.90, 0.22, 0.60",
+        old="= 2.48, (",
+        new="= 1.88, (",
         first=("tests/agent/shape/test_confidence.py", "tests/acceptance/test_sphere.py"),
     ),
     Mutant(

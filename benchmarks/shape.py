@@ -188,7 +188,7 @@ def rows(
             "surface_error": round(max(from_surface.values()), 4),
             **figures,
             **common,
-            "expected_error": body.expected_error,
+            "expected_error": np.nan if body.expected_error is None else body.expected_error,
             "trusted": trusted(body.expected_error, float(str(figures["margin"]))),
         }
 

@@ -114,7 +114,7 @@ def verdict(rows: list[dict[str, str]]) -> str:
         error, expected, right, trusted = _columns(some)
         wrong = (error > WRONG) | ~right
         lines.append(
-            f"| {name} | {len(some)} | {spearmanr(error, expected)[0]:.2f} | {trusted.sum()} "
+            f"| {name} | {len(some)} | {spearmanr(error, expected, nan_policy='omit')[0]:.2f} | {trusted.sum()} "
             f"| {(wrong & trusted).sum()} | {wrong.sum()} |"
         )
     return "\n".join(lines)
@@ -153,8 +153,8 @@ def picture(rows: list[dict[str, str]]) -> Figure:
         ax.set(xlabel="error that the agent expects (%)")
         # Whatever the table holds is shown.
         for both, values in ((ax.set_xlim, _columns(rows)[1]), (ax.set_ylim, _columns(rows)[0])):
-            both(90 * values.min(), 110 * values.max())
-    panels[0].set(ylabel="true error (% of the extent)")
+            both(90 * np.nanmin(values), 110 * np.nanmax(values))
+    panels[0].set(ylabel="shape error (% of the extent)")
     panels[1].legend(loc="upper left")
     return figure
 
@@ -173,8 +173,8 @@ def _case(row: dict[str, str]) -> tuple[str, ...]:
 
 
 def _columns(rows: list[dict[str, str]]) -> tuple[np.ndarray, ...]:
-    """Error, expected error, whether the holes are right, and whether the agent trusts them."""
-    error = np.array([float(row["error"]) for row in rows])
+    """Error, expected error or nan, whether the holes are right, and whether they are trusted."""
+    error = np.array([float(row["surface_error"]) for row in rows])
     expected = np.array([float(row["expected_error"]) for row in rows])
     right = np.array([row["betti"] == HOLES.get(row["body"], HOLES["torus"]) for row in rows])
     trusted = np.array([row["trusted"] == "True" for row in rows])

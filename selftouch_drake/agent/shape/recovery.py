@@ -22,10 +22,10 @@ from selftouch_drake.agent.shape.fields import angles
 from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 
-#: Logarithm of the expected error: constant, and slopes in the logarithms of stress and unevenness.
-#: Calibrated by least squares on bodies recovered from few and many touches and targets, with good
-#: and bad skins, with 6 to 16 joints (`benchmarks/trust.py confidence`).
-_CONSTANT, _OF_STRESS, _OF_UNEVENNESS = -0.30, 0.22, 0.60
+#: Logarithm of the expected shape error: constant, and slopes in the logarithms of stress,
+#: unevenness and number of kernels. Calibrated by least squares on the bodies, skins, joints,
+#: touches and targets of `benchmarks/trust.py confidence`.
+_CONSTANT, _SLOPES = 2.48, (0.15, 1.21, -0.37)
 
 #: A shape is trusted below this expected error and from this margin of its holes on.
 MOST_ERROR, LEAST_MARGIN = 0.04, 4.0
@@ -163,12 +163,12 @@ def expected_error(layout: Embedding) -> float:
 
     Inconsistent distances along the body leave stress. And target sensations are evenly spaced in
     sensation, so kernels are unevenly spaced where lengths are wrong, or where the skin is bad.
-    Both are dimensionless, and so comparable between bodies, skins and numbers of kernels. The
-    layout is of `curvature_corrected_mds`; others have higher stress.
+    Both are dimensionless, and so comparable between bodies and skins. Few kernels show little of
+    a shape. The layout is of `curvature_corrected_mds`; others have higher stress.
     """
     # The floor is needed for layouts of few kernels, without any stress.
-    stress, uneven = np.log(np.maximum([layout.stress, unevenness(layout.positions)], 1e-6))
-    return float(np.exp(_CONSTANT + _OF_STRESS * stress + _OF_UNEVENNESS * uneven))
+    found = layout.stress, unevenness(layout.positions), len(layout.positions)
+    return float(np.exp(_CONSTANT + np.log(np.maximum(found, 1e-6)) @ _SLOPES))
 
 
 def trusted(error: float | None, margin: float) -> bool:
