@@ -34,7 +34,7 @@ from selftouch_drake.robot import World
 NUM_TOUCHES, DEAD, OFFSET, FORCE = 300, 0.05, 0.1, 0.5
 MODEL = {"torus": "one_finger", "sphere": "one_finger", "turning_body": "turning_body"}
 # Joints whose offsets move the receptors as well.
-UNTOLD = {"torus": (0,), "sphere": (0,), "turning_body": (0, 2, 3)}
+UNOBSERVABLE = {"torus": (0,), "sphere": (0,), "turning_body": (0, 2, 3)}
 STEPS = 4000
 
 
@@ -75,7 +75,7 @@ def measure(name: str, seed: int, exchange: bool) -> dict[str, float]:
         MODELS / f"{MODEL[name]}.dmd.yaml", joints, "body", toucher.frame, toucher.radius
     )
     true, offsets = world.skins[0].fields.p_LS, rng.uniform(-OFFSET, OFFSET, len(joints))
-    offsets[list(UNTOLD[name])] = 0.0
+    offsets[list(UNOBSERVABLE[name])] = 0.0
     bad, order = int(DEAD * len(true)), rng.permutation(len(true))
     sensation[:, order[:bad]] = sensation[:, order[bad : 2 * bad]] if exchange else 0.0
     strong = sensation > 0.5 * sensation.max(axis=1, keepdims=True)
@@ -94,9 +94,9 @@ def measure(name: str, seed: int, exchange: bool) -> dict[str, float]:
     wrong_ones = np.isin(np.flatnonzero(placed), order[:bad])
     off = (found.places - true[placed])[~wrong_ones]
     apart = 1e3 * np.linalg.norm(off, axis=1)
-    told = np.ones(len(joints), dtype=bool)
-    told[list(UNTOLD[name])] = False
-    wrong = np.abs(found.offsets - offsets)[told]
+    observable = np.ones(len(joints), dtype=bool)
+    observable[list(UNOBSERVABLE[name])] = False
+    wrong = np.abs(found.offsets - offsets)[observable]
     return {
         "touches": int(touched.sum()),
         "receptors": int(placed.sum()),
@@ -105,8 +105,8 @@ def measure(name: str, seed: int, exchange: bool) -> dict[str, float]:
         "places cover": float(np.mean(np.abs(off) <= found.place_interval[~wrong_ones])),
         "offsets rms, mrad": float(1e3 * np.sqrt(np.mean(wrong**2))),
         "offsets worst, mrad": float(1e3 * wrong.max()),
-        "offsets cover": float(np.mean(wrong <= found.offset_interval[told])),
-        "not told": len(found.untold),
+        "offsets cover": float(np.mean(wrong <= found.offset_interval[observable])),
+        "unobservable": len(found.unobservable),
         "wrong": int(wrong_ones.sum()),
         "found": int((wrong_ones & found.suspect).sum()),
         "others suspected": int((~wrong_ones & found.suspect).sum()),

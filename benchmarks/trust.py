@@ -113,8 +113,9 @@ def verdict(rows: list[dict[str, str]]) -> str:
     for name, some in _by_use(rows).items():
         error, expected, right, trusted = _columns(some)
         wrong = (error > WRONG) | ~right
+        correlation, _ = spearmanr(error, expected, nan_policy="omit")
         lines.append(
-            f"| {name} | {len(some)} | {spearmanr(error, expected, nan_policy='omit')[0]:.2f} | {trusted.sum()} "
+            f"| {name} | {len(some)} | {correlation:.2f} | {trusted.sum()} "
             f"| {(wrong & trusted).sum()} | {wrong.sum()} |"
         )
     return "\n".join(lines)

@@ -78,7 +78,7 @@ class Worker:
             elif isinstance(error, BodyError) or not isinstance(error, (Exception, SystemExit)):
                 raise
             elif future.exception() is error:
-                raise BodyError(f"{what} raised {_told(error)}") from error
+                raise BodyError(f"{what} raised {_said(error)}") from error
             if not isinstance(error, TimeoutError):
                 raise
         raise BodyError(
@@ -315,7 +315,7 @@ def _numbers(value: Any) -> np.ndarray | None:
     return array.astype(float) if array.dtype.kind in "fiub" else None
 
 
-def _told(error: BaseException) -> str:
+def _said(error: BaseException) -> str:
     """An error in one line, with the place in the user's own file."""
     last = traceback.extract_tb(error.__traceback__)[-1:]
     place = "".join(f" (line {frame.lineno} of {frame.filename})" for frame in last)

@@ -19,10 +19,10 @@ from selftouch_drake.calibration.contacts import Contacts
 _LEAST_READING = 0.06
 
 #: rad or m, an offset is expected within; directions that touches leave wider than the second
-#: number cannot be told.
-_EXPECTED, _UNTOLD = 0.3, 0.05
+#: number cannot be observed.
+_EXPECTED, _UNOBSERVABLE = 0.3, 0.05
 
-#: Weight by which offsets are held that are not told.
+#: Weight by which unobservable offsets are held.
 _HELD = 1e8
 
 #: Residuals are scaled, and neighbours are looked for, so many times; each time steps are taken.
@@ -46,7 +46,7 @@ class Calibrated:
     Attributes:
         offsets: `(J,)` rad or m, to add to joints as they were read.
         offset_interval: `(J,)` half the width of the 95 % interval.
-        untold: `(g, J)` unit directions of offsets that touches do not tell; along them the offsets
+        unobservable: `(g, J)` unit directions of offsets that no touch shows; along them they
             are 0, and all intervals hold as if that were true.
         places: `(S, 3)` m, receptors in the frame of their link.
         place_interval: `(S, 3)` m, half the widths of the 95 % intervals.
@@ -55,7 +55,7 @@ class Calibrated:
 
     offsets: np.ndarray
     offset_interval: np.ndarray
-    untold: np.ndarray
+    unobservable: np.ndarray
     places: np.ndarray
     place_interval: np.ndarray
     suspect: np.ndarray
@@ -163,12 +163,12 @@ def calibrate(contacts: Contacts, sensation: np.ndarray) -> Calibrated:
         problem.contacts = replace(contacts, near=problem.parted(v)[0])
     normal = _normal(problem, v, problem.residuals(v), np.diag(prior))[1]
     spread, directions = np.linalg.eigh(np.linalg.inv(normal)[:num, :num])
-    untold = directions[:, np.sqrt(spread) > _UNTOLD].T
-    # What is not told is held at 0.
+    unobservable = directions[:, np.sqrt(spread) > _UNOBSERVABLE].T
+    # What is unobservable is held at 0.
     held = np.diag(prior)
-    held[:num, :num] += _HELD * untold.T @ untold
+    held[:num, :num] += _HELD * unobservable.T @ unobservable
     v = _minimised(problem, v, held, middle)
-    return _with_intervals(problem, v, held, untold)
+    return _with_intervals(problem, v, held, unobservable)
 
 
 def _normal(
@@ -210,7 +210,7 @@ def _minimised(
 
 
 def _with_intervals(
-    problem: _Problem, v: np.ndarray, prior: np.ndarray, untold: np.ndarray
+    problem: _Problem, v: np.ndarray, prior: np.ndarray, unobservable: np.ndarray
 ) -> Calibrated:
     """Intervals from the residuals that are left, and the usual error of the model."""
     num, m = problem.contacts.q.shape[1], len(problem.touch)
@@ -224,7 +224,7 @@ def _with_intervals(
     return Calibrated(
         offsets=offsets,
         offset_interval=half[:num],
-        untold=untold,
+        unobservable=unobservable,
         places=places,
         place_interval=half[num + 2 :][: 3 * problem.num_receptors].reshape(-1, 3),
         suspect=np.sqrt(off) > _SUSPECT * np.sqrt(np.median(off)),

@@ -84,12 +84,11 @@ def _written(
         name: {"offset": float(offset), "half_interval": float(half)}
         for name, offset, half in zip(joints, found.offsets, found.offset_interval, strict=True)
     }
-    untold = []
-    for direction in found.untold:
-        some = [joints[n] for n in np.flatnonzero(np.abs(direction) > 0.3).tolist()]
-        untold.append(
-            f"not told: the offset of {' with '.join(some)}, which moves receptors as well; it is "
-            "taken as 0"
+    unobservable = []
+    for direction in found.unobservable:
+        some = " with ".join(joints[n] for n in np.flatnonzero(np.abs(direction) > 0.3).tolist())
+        unobservable.append(
+            f"unobservable: the offset of {some}, which moves receptors as well; it is taken as 0"
         )
     # The mean of the places and their principal axes, the widest first.
     middle = found.places.mean(axis=0)
@@ -97,14 +96,14 @@ def _written(
     axes_L[2] *= np.sign(np.linalg.det(axes_L))
     pose = {"link": link, "X_LS": np.column_stack([axes_L.T, middle]).tolist()}
     write_text_whole(folder / "calibration.csv", text.getvalue())
-    summary = {"offsets": offsets, "not_told": untold, "skin": pose}
+    summary = {"offsets": offsets, "unobservable": unobservable, "skin": pose}
     write_text_whole(folder / "calibration.json", json.dumps(summary, indent=2) + "\n")
     half = np.linalg.norm(found.place_interval, axis=1)
     lines = [
         f"receptors: {len(receptors)} on {link}, ± {1e3 * np.median(half):.1f} mm (median, 95 %)"
     ]
     lines += [f"{n}: {o['offset']:+.4f} ± {o['half_interval']:.4f}" for n, o in offsets.items()]
-    lines += untold
+    lines += unobservable
     if found.suspect.any():
         names = [receptors[n] for n in np.flatnonzero(found.suspect).tolist()]
         lines.append(f"suspect, their readings fit no place: {', '.join(names)}")

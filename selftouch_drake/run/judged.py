@@ -46,7 +46,7 @@ def judge(file: Path, recording: str) -> dict[str, Any]:
     Args:
         file: `.npz` with one of `touch_places` `(n, d)`, `receptor_places` `(S, d)` and
             `distances` `(n, n)` or `(S, S)`; d is 2 or 3, unit and pose are free. For fewer touches
-            than the recording has, `rows` `(n,)` are their numbers. A method that tells parts gives
+            than the recording has, `rows` `(n,)` are their numbers. A method that finds parts gives
             `parts` `(n,)` or `(S,)`, the number of each, -1 for what it leaves out. One that plans
             gives `plans` `(P, T, J)`, joint positions along a plan for each of the `pairs`.
         recording: path of a recording, or the name of a shipped one.

@@ -77,9 +77,7 @@ def write_map(path: Path, found: ReceptorMap, names: Sequence[str]) -> None:
 
 def summary(found: ReceptorMap) -> list[str]:
     """A line for each part and each doubt."""
-    lines = [
-        f"joints tell {max(found.told, 0.0):.0%} of what is felt",
-    ]
+    lines = [f"joints explain {max(found.explained, 0.0):.0%} of what is felt"]
     for number, part in enumerate(found.parts):
         where = "in a plane" if part.flat else "in space"
         holes = "unknown"

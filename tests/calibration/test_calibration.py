@@ -97,12 +97,12 @@ def test_receptors_are_found_in_metres(calibrated):
     assert np.mean(error <= half) > 0.8
 
 
-def test_offsets_are_found_and_what_is_not_told_is_said(calibrated):
+def test_offsets_are_found_and_what_is_unobservable_is_said(calibrated):
     folder, done, _ = calibrated
     summary = json.loads((folder / "run" / "calibration.json").read_text())
     found = np.array([summary["offsets"][name]["offset"] for name in JOINTS])
     assert np.abs(found - OFFSETS).max() < 0.003
-    assert "not told: the offset of yaw, which moves receptors as well" in done.stdout
+    assert "unobservable: the offset of yaw, which moves receptors as well" in done.stdout
     X = np.array(summary["skin"]["X_LS"])
     np.testing.assert_allclose(X[:, :3].T @ X[:, :3], np.eye(3), atol=1e-9)
 
@@ -137,7 +137,7 @@ def test_a_run_in_drake_has_the_joints_of_its_model(tmp_path):
     common = ("--robot", model, "--link", "body", "--frame", "fingertip_0")
     done = selftouch("calibrate", run, *common)
     assert done.status == 0, done
-    assert "not told: the offset of shoulder_yaw" in done.stdout
+    assert "unobservable: the offset of shoulder_yaw" in done.stdout
     assert "--receptors is 5,200; give two" in refused(
         "calibrate", run, *common, "--receptors", "5,200"
     )

@@ -310,8 +310,8 @@ def _learned(
     _agree(found.networks, x[held_out])
     if not _sees_need(found, *later, middles):
         return None
-    told = found.outputs(later[0])[:, 0]
-    lightest, firmest = np.quantile(told, [_LIGHTEST, _FIRMEST]).tolist()
+    predicted = found.outputs(later[0])[:, 0]
+    lightest, firmest = np.quantile(predicted, [_LIGHTEST, _FIRMEST]).tolist()
     return replace(found, lightest=lightest, firmest=firmest)
 
 
@@ -323,19 +323,19 @@ def _sees_need(
     The touches, `(n, J)`, and the middles of straight steps, `(m, J)`, are scaled. A share
     of the usual correlation and of the usual number of middles is enough.
     """
-    told = found.outputs(x)[:, 0]
-    if not np.corrcoef(told, firm)[0, 1] > _LEAST_CORRELATION * share:
+    predicted = found.outputs(x)[:, 0]
+    if not np.corrcoef(predicted, firm)[0, 1] > _LEAST_CORRELATION * share:
         return False
     expected = found.outputs(middles)[:, 0]
-    least, most = np.quantile(told, [_EXTREME, 1.0 - _EXTREME])
+    least, most = np.quantile(predicted, [_EXTREME, 1.0 - _EXTREME])
     return bool(np.mean((expected < least) | (expected > most)) >= _OFF * share)
 
 
 def _agree(networks: list[Network], x: np.ndarray) -> None:
     """Gives the firmness that networks tell of touches `(n, J)` one median and one spread."""
-    told = [network(x)[:, 0] for network in networks]
-    spread = np.mean([one.std() for one in told])
-    for network, one in zip(networks, told, strict=True):
+    predicted = [network(x)[:, 0] for network in networks]
+    spread = np.mean([one.std() for one in predicted])
+    for network, one in zip(networks, predicted, strict=True):
         factor = spread / one.std()
         network.weights[-1][:, 0] *= factor
         network.biases[-1][0] = factor * (network.biases[-1][0] - np.median(one))

@@ -2,7 +2,7 @@
 
 Of each touch, the joint positions are known, and which receptors feel it. Receptors that feel the
 same touches are near each other. Where few receptors feel a touch, joint positions help: touches at
-similar joints are near each other too, if the joints tell the place. Both give distances along the
+similar joints are near each other too, if the joints show the place. Both give distances along the
 skin between neighbours. These give a layout, as for kernels, and unfolding refines it where the
 skin can be laid out flat.
 """
@@ -33,7 +33,7 @@ _LEAST_RECEPTORS = 8
 
 #: Joints tell the place of a touch if they explain this share of what is felt, on touches left out.
 #: A Nao: 0.5 to 0.7. An arm with joints to spare, which touches a cube, a torus: 0.1.
-_LEAST_TOLD = 0.3
+_LEAST_EXPLAINED = 0.3
 
 #: Weight of the squares in the regression on products of joints.
 _RIDGE = 3.0
@@ -57,7 +57,7 @@ class MappedPart:
     Attributes:
         receptors: `(m,)` numbers of its receptors, ascending.
         flat: whether it was laid out in a plane.
-        topology: components, loops and voids; None if they cannot be told.
+        topology: components, loops and voids; None if they cannot be found.
         num_pieces: pieces that no shared touch joins; joint positions alone say how they lie.
     """
 
@@ -84,7 +84,7 @@ class ReceptorMap:
             drawn again and, on a flat part, between it and a layout in space; NaN likewise.
         part: `(S,)` number of the part, -1 where a receptor was left out.
         felt: `(S,)` number of touches that each receptor felt.
-        told: share of what is felt that joint positions predict, on touches left out.
+        explained: share of what is felt that joint positions predict, on touches left out.
         parts: the parts, largest first.
         doubts: what cannot be trusted, a line each.
     """
@@ -93,7 +93,7 @@ class ReceptorMap:
     error: np.ndarray
     part: np.ndarray
     felt: np.ndarray
-    told: float
+    explained: float
     parts: tuple[MappedPart, ...]
     doubts: tuple[str, ...]
 
@@ -123,8 +123,8 @@ def map_receptors(
             f"least {_LEAST_RECEPTORS} did"
         )
     by_joints, leverage = _joint_predictor(np.asarray(q, dtype=float))
-    predicted, told = _predicted(active[:, known], by_joints, leverage)
-    both = _cosines(_with_joints(active[:, known], predicted, told))
+    predicted, explained = _predicted(active[:, known], by_joints, leverage)
+    both = _cosines(_with_joints(active[:, known], predicted, explained))
     label = connected_components(both >= _ALIKE)[1]
     pieces = connected_components(_cosines(active[:, known]) >= _ALIKE)[1]
     order = np.argsort(-np.bincount(label), kind="stable").tolist()
@@ -133,7 +133,7 @@ def map_receptors(
     part, parts = np.full(len(felt), -1), []
     for number, group in enumerate(groups):
         rows = np.flatnonzero(active[:, known[group]].any(axis=1))
-        lay_out = _Layout(active[np.ix_(rows, known[group])], q[rows], told)
+        lay_out = _Layout(active[np.ix_(rows, known[group])], q[rows], explained)
         places, is_flat, bent = lay_out.places()
         flattened = np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
         between = np.square(_aligned(bent, flattened) - flattened).sum(axis=1).mean()
@@ -164,18 +164,18 @@ def map_receptors(
         error=error,
         part=part,
         felt=felt,
-        told=told,
+        explained=explained,
         parts=tuple(parts),
-        doubts=tuple(_doubts(parts, part, felt, told, names)),
+        doubts=tuple(_doubts(parts, part, felt, explained, names)),
     )
 
 
 class _Layout:
     """Layouts of one part from all its touches, and from touches drawn again."""
 
-    def __init__(self, active: np.ndarray, q: np.ndarray, told: float) -> None:
-        self.active, self.q, self.told = active, q, told
-        self.by_joints = _joint_predictor(q)[0] if told >= _LEAST_TOLD else None
+    def __init__(self, active: np.ndarray, q: np.ndarray, explained: float) -> None:
+        self.active, self.q, self.explained = active, q, explained
+        self.by_joints = _joint_predictor(q)[0] if explained >= _LEAST_EXPLAINED else None
 
     def places(self) -> tuple[np.ndarray, bool, np.ndarray]:
         """`(m, 2)` places if the part is flat, else `(m, 3)`; whether it is; `(m, 3)` as if not."""
@@ -205,7 +205,7 @@ class _Layout:
     def _geodesic(self, rows: np.ndarray, dimension: int) -> np.ndarray:
         active = self.active[rows]
         predicted, _ = _predicted(active, *_joint_predictor(self.q[rows]))
-        cosines = _cosines(_with_joints(active, predicted, self.told))
+        cosines = _cosines(_with_joints(active, predicted, self.explained))
         distance = np.arccos(np.clip(cosines, -1.0, 1.0))
         edges = connected_edges(neighbour_edges(distance), distance)
         # Receptors that feel exactly the same touches are not at one place.
@@ -233,13 +233,13 @@ def _predicted(
     centred = active - active.mean(axis=0)
     found = by_joints @ centred
     missed = (centred - found) / np.maximum(1.0 - leverage, 1e-3)[:, None]
-    told = 1.0 - np.square(missed).mean() / np.square(centred).mean()
-    return np.maximum(found + active.mean(axis=0), 0.0), float(told)
+    explained = 1.0 - np.square(missed).mean() / np.square(centred).mean()
+    return np.maximum(found + active.mean(axis=0), 0.0), float(explained)
 
 
-def _with_joints(active: np.ndarray, predicted: np.ndarray, told: float) -> np.ndarray:
+def _with_joints(active: np.ndarray, predicted: np.ndarray, explained: float) -> np.ndarray:
     """What is felt, and below it what joints predict to be felt, if they tell the place."""
-    return np.concatenate([active, predicted]) if told >= _LEAST_TOLD else active
+    return np.concatenate([active, predicted]) if explained >= _LEAST_EXPLAINED else active
 
 
 def _cosines(felt: np.ndarray) -> np.ndarray:
@@ -259,7 +259,7 @@ def _doubts(
     parts: Sequence[MappedPart],
     part: np.ndarray,
     felt: np.ndarray,
-    told: float,
+    explained: float,
     names: Sequence[str],
 ) -> list[str]:
     def listed(which: np.ndarray) -> str:
@@ -275,7 +275,7 @@ def _doubts(
         found.append(f"{listed(alone)} share too few touches with others and were left out")
     for number, one in enumerate(parts):
         if one.num_pieces > 1:
-            how = "from joint positions alone" if told >= _LEAST_TOLD else "hardly"
+            how = "from joint positions alone" if explained >= _LEAST_EXPLAINED else "hardly"
             found.append(
                 f"part {number} is in {one.num_pieces} pieces that no touch joins: how they lie to "
                 f"each other is known {how}"
