@@ -23,7 +23,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from results import ROOT, add_update_option, results
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Felt, Followed
-from selftouch_drake.agent.motions import Motion, Plan
+from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.practice import NoWayError
@@ -137,8 +136,8 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
                 with suppress(NoWayError):
                     motions.append(pilot.plan(*pair).motion)
             else:
-                tour = partial(plan_from, agent, pair)
-                plan = tour(None) if way == "typical start" else recorded.surest(pair[0], tour)
+                first = way == "typical start"
+                plan = agent.tour(pair) if first else recorded.surest(pair, agent.tour)
                 motions.append(timed(agent, plan, experiment.imported))
         novelty = [recorded.novelty(motion.plan) for motion in motions]
         seconds = (time.process_time() - began) / len(motions)
@@ -151,10 +150,6 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
             "novelty_median": round(float(np.median(novelty)), 1),
             "seconds_per_plan": round(seconds, 2),
         }
-
-
-def plan_from(agent: Agent, pair: tuple[int, int], q_start: np.ndarray | None) -> Plan:
-    return agent.tour(pair, q_start=q_start)
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Followed, ServoedBody
 from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.planner import Limits, checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
@@ -108,8 +109,13 @@ class Pilot:
         return self._query([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
-        """`(J,)` the start of the motion: any configuration of the first kernel."""
+        """`(J,)` the start of the motion: any configuration of the first kernel.
+
+        A body that travels cannot try many ways: it starts where its way is best known.
+        """
         representation = self.agent.representation
+        if not self.body.jumps:
+            return Recorded(representation).surest(targets, self.agent.tour).waypoints_q[0]
         members = representation.kernel_q[representation.members(targets[0])]
         rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
         return members[rng.integers(len(members))].astype(float)

@@ -228,10 +228,9 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     assert imported is not None
     agent = load_agent(run, predicts=True)
     _require_targets(run, targets)
-    known = agent.representation
-    free = load_arrays(run.free)["q"] if run.free.exists() else known.kernel_q[:0]
-    recorded = Recorded(known, free)
-    plan = recorded.surest(targets[0], lambda q: agent.tour(targets, q_start=q))
+    free = load_arrays(run.free)["q"] if run.free.exists() else None
+    recorded = Recorded(agent.representation, free)
+    plan = recorded.surest(targets, agent.tour)
     motion, novelty = timed(agent, plan, imported), recorded.novelty(plan)
     _keep_plan(run, motion, *targets, plan_novelty=novelty)
     return motion, novelty

@@ -1,6 +1,6 @@
 """How far plans stray from where the robot was recorded (naive)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -31,10 +31,11 @@ class Recorded:
     The typical distance of touches is that from one to the second nearest.
     """
 
-    def __init__(self, representation: QuotientRepresentation, free_q: np.ndarray):
+    def __init__(self, representation: QuotientRepresentation, free_q: np.ndarray | None = None):
         q = representation.kernel_q[:: -(-representation.num_rows // _MOST_TOUCHES)]
         self._representation = representation
-        self._near = KDTree(representation.scaled(np.concatenate([q, free_q])))
+        places = q if free_q is None else np.concatenate([q, free_q])
+        self._near = KDTree(representation.scaled(places))
         beside = self._near.query(self._near.data[: len(q)], k=[1 + _NEAR])[0]
         self._typical = float(np.median(beside)) or 1.0
 
@@ -49,14 +50,13 @@ class Recorded:
         """How far a plan strays: the 95th percentile along its path, in typical distances."""
         return float(np.quantile(self.strays(plan), 0.95))
 
-    def surest(self, start: int, tour: Callable[[np.ndarray], Plan]) -> Plan:
-        """The plan that strays least, among those from typical firm touches of its start.
+    def surest(self, targets: Sequence[int], tour: Callable[..., Plan]) -> Plan:
+        """The plan that strays least, among those from typical firm touches of the first target.
 
-        A plan that nobody practises may begin where its way is best known: `tour` plans from `(J,)`
-        configurations of the kernel `start`.
+        A plan may begin where its way is best known: `tour` makes it, as `Agent.tour` does.
         """
         known = self._representation
-        rows = goal_members(known, start)
+        rows = goal_members(known, targets[0])
         typical = rows[np.argsort(known.kernel_error[rows], kind="stable")[:_NUM_STARTS]]
-        plans = [tour(known.kernel_q[row].astype(float)) for row in typical]
+        plans = [tour(targets, q_start=known.kernel_q[row].astype(float)) for row in typical]
         return min(plans, key=lambda plan: float(np.sum(self.strays(plan) ** _POWER)))

@@ -11,12 +11,16 @@ KNOWN = laid_by_hand([[9.0, 0.0], [1.0, 2.0], [3.0]], [[0, 1], [1, 2]])
 PLANNER = Planner(KNOWN)
 
 
-def tour(q_start):
-    return PLANNER.plan(q_start, [0, 1, 2])
+def tour(q_start, targets=(0, 1, 2)):
+    return PLANNER.plan(q_start, targets)
+
+
+def surest():
+    return Recorded(KNOWN).surest((0, 1, 2), lambda targets, q_start: tour(q_start, targets))
 
 
 def test_a_path_along_recorded_postures_strays_least():
-    recorded = Recorded(KNOWN, np.empty((0, 1)))
+    recorded = Recorded(KNOWN)
     near, far = tour(np.array([0.0])), tour(np.array([9.0]))
     assert recorded.novelty(near) <= 1.0  # from one neighbour to the other
     assert recorded.novelty(far) == pytest.approx(2.8, abs=0.2)
@@ -28,15 +32,14 @@ def test_free_postures_tell_where_the_robot_can_be():
 
 
 def test_a_plan_begins_where_its_way_is_best_known():
-    plan = Recorded(KNOWN, np.empty((0, 1))).surest(0, tour)
-    assert plan.waypoints_q[0] == 0.0
+    assert surest().waypoints_q[0] == 0.0
 
 
 def test_a_long_way_strays_less_than_one_leap(monkeypatch):
     strays = {0.0: [0.5, 4.0, 0.5], 9.0: [1.0] * 20}
     by_start = lambda self, plan: np.array(strays[plan.waypoints_q[0, 0]])  # noqa: E731
     monkeypatch.setattr(Recorded, "strays", by_start)
-    assert Recorded(KNOWN, np.empty((0, 1))).surest(0, tour).waypoints_q[0] == 9.0
+    assert surest().waypoints_q[0] == 9.0
 
 
 def test_a_plan_ends_elsewhere_than_where_its_goal_was_missed():
