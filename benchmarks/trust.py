@@ -142,7 +142,7 @@ def picture(rows: list[dict[str, str]]) -> Figure:
                     edgecolors=color,
                     label=f"{label}, {'trusted' if kind is trusted else 'not trusted'}",
                 )
-        ax.plot([1, 30], [1, 30], color=INK, linewidth=0.8)
+        ax.plot([0.5, 30], [0.5, 30], color=INK, linewidth=0.8)
         ax.axvline(100 * MOST_ERROR, color=INK, linestyle=":", linewidth=0.8)
         ax.axhline(100 * WRONG, color=INK, linestyle=":", linewidth=0.8)
         ticks = [0.7, 1, 1.5, 2, 3, 4, 6, 9, 15, 25]
