@@ -137,7 +137,7 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
                     motions.append(pilot.plan(*pair).motion)
             else:
                 first = way == "typical start"
-                plan = agent.tour(pair) if first else recorded.surest(pair, agent.tour)
+                plan = agent.tour(pair) if first else recorded.surest(pair, agent.tour)[0]
                 motions.append(timed(agent, plan, experiment.imported))
         novelty = [recorded.novelty(motion.plan) for motion in motions]
         seconds = (time.process_time() - began) / len(motions)

@@ -111,11 +111,13 @@ class Pilot:
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel.
 
-        A body that travels cannot try many ways: it starts where its way is best known.
+        A body that travels goes there: to where the way is best known, of what it reaches.
         """
         representation = self.agent.representation
         if not self.body.jumps:
-            return Recorded(representation).surest(targets, self.agent.tour).waypoints_q[0]
+            plans = Recorded(representation).surest(targets, self.agent.tour)
+            starts = [plan.waypoints_q[0] for plan in plans]
+            return next((q for q in starts if self.practice.feel(q[None]).reached[0]), starts[0])
         members = representation.kernel_q[representation.members(targets[0])]
         rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
         return members[rng.integers(len(members))].astype(float)

@@ -230,7 +230,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     _require_targets(run, targets)
     free = load_arrays(run.free)["q"] if run.free.exists() else None
     recorded = Recorded(agent.representation, free)
-    plan = recorded.surest(targets, agent.tour)
+    plan, *_ = recorded.surest(targets, agent.tour)
     motion, novelty = timed(agent, plan, imported), recorded.novelty(plan)
     _keep_plan(run, motion, *targets, plan_novelty=novelty)
     return motion, novelty
