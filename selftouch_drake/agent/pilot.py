@@ -84,7 +84,7 @@ class Pilot:
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
 
-        The motion starts at a configuration of the first, drawn from the seed.
+        The motion starts at a configuration of the first, as of `start_of`.
 
         Raises:
             NoWayError: none was found.
@@ -109,16 +109,15 @@ class Pilot:
         return self._query([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
-        """`(J,)` the start of the motion: any configuration of the first kernel.
+        """`(J,)` the start of the motion: any configuration of the first kernel, by the seed.
 
         A body that travels goes there: to where the way is best known, of what it reaches.
         """
-        representation = self.agent.representation
+        known = self.agent.representation
         if not self.body.jumps:
-            plans = Recorded(representation).surest(targets, self.agent.tour)
-            starts = [plan.waypoints_q[0] for plan in plans]
+            starts = [p.waypoints_q[0] for p in Recorded(known).surest(targets, self.agent.tour)]
             return next((q for q in starts if self.practice.feel(q[None]).reached[0]), starts[0])
-        members = representation.kernel_q[representation.members(targets[0])]
+        members = known.kernel_q[known.members(targets[0])]
         rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
         return members[rng.integers(len(members))].astype(float)
 

@@ -130,7 +130,8 @@ def _inner_wall(
     """
     vertices, faces = surface.vertices, surface.faces
     # Distances to these samples exceed those to the surface by less than 1 % of the thickness.
-    cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, _finest(surface)))
+    finest = np.sqrt(surface.area / _MOST_SAMPLES)  # whose samples fit in memory
+    cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, finest))
     outer = cKDTree(cloud)
 
     def folded(inner: np.ndarray) -> np.ndarray:
@@ -252,11 +253,6 @@ def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
             corners[even] = corners[even][:, [1, 0, 2, 3]]
             layers.append(corners)
     return np.stack(layers, axis=1).reshape(-1, 4)
-
-
-def _finest(surface: trimesh.Trimesh) -> float:
-    """m, smallest spacing at which samples of a surface fit in memory."""
-    return float(np.sqrt(surface.area / _MOST_SAMPLES))
 
 
 def point_text(p: np.ndarray) -> str:

@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 from kernels_by_hand import laid_by_hand
 
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Felt
 from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.planner import Planner
 
@@ -51,3 +54,25 @@ def test_a_plan_ends_elsewhere_than_where_its_goal_was_missed():
     assert planner.plan(start, [0, 1], memory=once).waypoints_q[-1] == 2.0
     assert planner.plan(start, [0, 1], memory=twice).waypoints_q[-1] == 1.0
     assert planner.plan(start, [0, 1], memory=once, lift_off=True).waypoints_q[-1] == 2.0
+
+
+class Travelling:
+    """A body that travels, and reaches only postures beyond `wall`."""
+
+    jumps = False
+
+    def __init__(self, wall):
+        self.wall, self.asked = wall, []
+
+    def feel(self, q):
+        self.asked.append(q[0, 0])
+        return Felt(q=q, sensation=np.zeros((1, 3)), reached=q[:, 0] > self.wall)
+
+
+@pytest.mark.parametrize(
+    ("wall", "start", "asked"), [(-1, 0, [0]), (5, 9, [0, 9]), (99, 0, [0, 9])]
+)
+def test_a_body_that_travels_starts_at_the_surest_touch_that_it_reaches(wall, start, asked):
+    body = Travelling(wall)
+    assert Pilot(Agent.of(KNOWN), body).start_of(0, 1, 2) == start
+    assert body.asked == asked
