@@ -31,7 +31,7 @@ def two_fingers() -> Figure:
     rows = [
         row
         for row in rows_of("two_fingers_touches_s1.csv")
-        if row["rows"] == "198607" and row["space"] == "two touches, motor"
+        if row["rows"] == "58953" and row["space"] == "two touches, motor"
     ]
     titles = {
         "1": "the touches",
