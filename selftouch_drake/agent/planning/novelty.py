@@ -13,21 +13,20 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 _SAMPLED, _MOST_TOUCHES = 0.1, 100_000
 
 #: A place is known if so many recorded ones are near: the nearest alone may be a rare posture. And
-#: number of starts from which `surest` plans. Measured on 60 plans on each of two recordings with
-#: 12 joints and 30,000 touches: rigid parts overlap on 1.2 and 1.3 % of the samples; with the
-#: nearest alone on 2.0 and 2.5 %, with 24 starts on 1.9 and 1.6 %, with one on 3.4 and 4.9 %.
-_NEAR, _NUM_STARTS = 2, 48
+#: number of starts from which `surest` plans.
+_NEAR, _NUM_STARTS = 3, 48
 
-#: Straying counts to this power, because contact is lost where a plan strays most. Measured on 150
-#: plans on each of three recordings with 12 joints and 30,000 touches: contact 99.1, 99.2, 99.0 %
-#: if it counts as it is (worst 31 %), 99.8, 99.5, 99.7 % (worst 57 %) to this power.
-_POWER = 8
+#: Straying counts to this power, because plans fail where they stray most. Measured on 60 plans on
+#: each of four recordings with 12 joints and 30,000 touches: rigid parts overlap on 1.2 to 2.2 % of
+#: the samples; to the 4th power on 1.0 to 2.9 %, with the nearest place alone on 2.0 to 3.2 %, with
+#: one start on 3.4 and 4.9 %.
+_POWER = 16
 
 
 class Recorded:
     """Where a robot was while it was recorded, in touch and, at `(m, J)` `free_q`, free.
 
-    The typical distance of touches is that from one to the second nearest.
+    The typical distance of touches is that from one to the third nearest.
     """
 
     def __init__(self, representation: QuotientRepresentation, free_q: np.ndarray | None = None):

@@ -26,7 +26,7 @@ def test_a_path_along_recorded_postures_strays_least():
     recorded = Recorded(KNOWN)
     near, far = tour(np.array([0.0])), tour(np.array([9.0]))
     assert recorded.novelty(near) <= 1.0  # from one neighbour to the other
-    assert recorded.novelty(far) == pytest.approx(2.8, abs=0.2)
+    assert recorded.novelty(far) == pytest.approx(2.2, abs=0.2)
 
 
 def test_free_postures_tell_where_the_robot_can_be():
