@@ -125,7 +125,7 @@ class Explores:
         return self._exploration.mind
 
     def live(self, until: int) -> None:
-        """Makes rounds until there are so many touches, each of which stands for `every`."""
+        """Makes rounds until there are so many touches; each stands for `every`."""
         until *= self._every
         while (taken := self._exploration.num_touches) < until:
             shard = self._exploration.explore(min(int(np.clip(taken // 10, *ROUND)), until - taken))

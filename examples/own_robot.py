@@ -99,7 +99,7 @@ class MyRobot:
 
 
 def main():
-    """Returns which of three postures are reached, the last of which presses too hard."""
+    """Returns which of three postures are reached; the last one presses too hard."""
     robot = MyRobot(slow=20.0)
     felt = robot.feel(np.array([[0.5, 0.5, 0.1], [0.4, 0.6, 0.3], [0.37, 0.63, 1.0]]))
     robot.follow(np.array([0.0, 0.2]), np.array([[0.4, 0.6, 0.3], [0.4, 0.5, 0.3]]))

@@ -1,4 +1,4 @@
-"""A toy that travels, and remembers where it was asked to go; it can be told to break."""
+"""A toy that travels, remembers where it was asked to go, and breaks on request."""
 
 import json
 import os

@@ -76,7 +76,7 @@ def overlap_lengths(representation: QuotientRepresentation, skin: int) -> np.nda
 
 
 def _apart(overlap: np.ndarray) -> np.ndarray:
-    """Distance between two equal discs, in diameters, of which such a share overlaps."""
+    """Distance between two equal discs, in diameters, at which such a share overlaps."""
     apart = np.linspace(0.0, 1.0, 1001)
     shared = 2 / np.pi * (np.arccos(apart) - apart * np.sqrt(1 - apart**2))
     return np.maximum(np.interp(-overlap, -shared, apart), 1e-3)
