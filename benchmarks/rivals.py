@@ -1,7 +1,7 @@
 """Published methods beside ours, all judged by `selftouch score` on the same recordings.
 
     python benchmarks/recordings.py
-    python benchmarks/rivals.py build/recordings/*_[123].npz
+    python benchmarks/rivals.py build/recordings/*_[123].npz --touches 1500 5000 15000
 
 Every method lays out what it can in three dimensions, and its places are handed in. A rival runs
 with its authors' own code where a package has it; the table says whose code it is, and which
@@ -32,6 +32,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -193,10 +194,11 @@ WAYS: dict[str, Way] = {
 class Touches:
     """What a recording gives, and what our agent learns from it, on which others may build."""
 
-    def __init__(self, path: Path, options: argparse.Namespace):
+    def __init__(self, path: Path, size: int, options: argparse.Namespace):
         given = load_arrays(path)
-        q, sensation = given["q"][: options.touches], given["sensation"][: options.touches]
-        self.path, self.rows, self.q, self.felt = path, np.arange(len(q)), q, sensation
+        q, sensation = given["q"][:size], given["sensation"][:size]
+        self.path, self.size = path, size
+        self.rows, self.q, self.felt = np.arange(len(q)), q, sensation
         if sensation.dtype.kind in "iu":
             felt = felt_touches(q, sensation)
             self.rows, self.q, self.felt = felt.rows, felt.q, felt.sensation
@@ -303,6 +305,7 @@ def row(
     return {
         "body": body,
         "seed": seed,
+        "size": touches.size,
         "touches": len(touches.rows),
         "way": way,
         "of": of,
@@ -340,7 +343,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("recordings", nargs="+", help="paths, or names of shipped ones")
-    parser.add_argument("--touches", type=int, help="the first rows  [default: all]")
+    parser.add_argument(
+        "--touches", type=int, nargs="+", default=[15_000], help="first rows, if there are so many"
+    )
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--ways", nargs="+", choices=(*_OURS, *WAYS), default=[*_OURS, *WAYS])
     of = ["targets", "touches", "receptors"]
@@ -353,12 +358,13 @@ def main() -> None:
     rows = []
     with results("rivals", update=options.update) as add, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for recording in options.recordings:
-            for one in rows_of(Touches(find_recording(recording), options), options):
+        for size, recording in product(options.touches, options.recordings):
+            for one in rows_of(Touches(find_recording(recording), size, options), options):
                 add(one)
                 rows.append(one)
                 print(*one.values(), sep=" | ", flush=True)
-    print(summary(rows))
+    for size in options.touches:
+        print(f"\nFirst {size} touches:\n{summary([one for one in rows if one['size'] == size])}")
 
 
 if __name__ == "__main__":
