@@ -1,6 +1,7 @@
 """BabyBench, self touch: the agent in the environment of others, scored by their own script.
 
     python benchmarks/babybench.py --babybench PATH --seeds 100 101 102 103 104
+    python benchmarks/babybench.py --babybench PATH --steps 10000 --film build/babybench.gif
 
 PATH is the BabyBench 2025 starter kit (github.com/babybench/BabyBench2025_Starter_Kit). It needs
 `gymnasium==0.28.1`, `mujoco==3.3.0` and the other packages of its `requirements.txt`, without torch
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from results import add_update_option, results
 
 from selftouch_drake.agent.body import Felt, Followed
@@ -35,6 +37,8 @@ STIFFNESS, DAMPING = 20.0, 0.3
 ROUND = 250
 # Steps between two scores.
 SCORED = 10_000
+# Steps between two pictures of a film, 0.2 s; and how wide each side of one is, 0.9 m in pixels.
+SEEN, WIDTH = 40, 240
 
 
 class OverError(Exception):
@@ -48,13 +52,14 @@ class Baby:
         env: BabyBench's.
         num_steps: after which `OverError` is raised.
         seed: of the environment.
-        scored: called every `SCORED` steps with the number of steps.
+        scored: called every `SCORED` steps.
+        seen: called every `SEEN` steps.
     """
 
     jumps = False
 
-    def __init__(self, env: Any, num_steps: int, seed: int, scored: Any):
-        self._env, self._left, self._scored = env, num_steps, scored
+    def __init__(self, env: Any, num_steps: int, seed: int, scored: Any, seen: Any):
+        self._env, self._left, self._scored, self._seen = env, num_steps, scored, seen
         inner = env.unwrapped
         motors = [inner.model.actuator(number) for number in inner.mimo_actuators]
         joints = [int(motor.trnid[0]) for motor in motors]
@@ -105,6 +110,8 @@ class Baby:
             observation, _ = self._env.reset()
         if self._left % SCORED == 0:
             self._scored()
+        if self._left % SEEN == 0:
+            self._seen()
         if not self._left:
             raise OverError
         self._take(observation)
@@ -116,7 +123,46 @@ class Baby:
         self._sensation = np.sqrt(np.square(force).sum(axis=1))
 
 
-def episodes(kit: Path, seed: int, num_steps: int) -> list[dict[str, Any]]:
+class Film:
+    """Pictures of all receptors, from two sides, those that feel something in red.
+
+    Args:
+        env: BabyBench's.
+        path: of a GIF.
+    """
+
+    def __init__(self, env: Any, path: Path):
+        self._model, self._data = env.unwrapped.model, env.unwrapped.data
+        self._touch, self._path, self._frames = env.unwrapped.touch, path, list[Image.Image]()
+
+    def look(self) -> None:
+        """Adds a picture."""
+        places, felt = [], []
+        for body, here in self._touch.sensor_positions.items():
+            turn = self._data.xmat[body].reshape(3, 3)
+            places.append(here @ turn.T + self._data.xpos[body])
+            felt.append(np.abs(self._touch.sensor_outputs[body]).sum(axis=1) > 0)
+        place, red = np.concatenate(places), np.concatenate(felt)
+        image = Image.new("P", (2 * WIDTH, WIDTH))
+        image.putpalette([255, 255, 255, 150, 160, 175, 215, 40, 40])
+        for number, axes in enumerate(([0, 1], [0, 2])):
+            flat = (place - self._data.body("hip").xpos)[:, axes] * (WIDTH / 0.9) * [1, -1]
+            flat = np.rint(flat + WIDTH / 2).astype(int)
+            flat = flat.clip(0, WIDTH - 1) + np.array([number * WIDTH, 0])
+            for colour, those in ((1, ~red), (2, red)):
+                for x, y in flat[those].tolist():
+                    image.putpixel((x, y), colour)
+        self._frames.append(image)
+
+    def save(self) -> None:
+        """Writes what it has seen."""
+        first, *rest = self._frames
+        first.save(self._path, save_all=True, append_images=rest, duration=100, loop=0)
+
+
+def episodes(
+    kit: Path, seed: int, num_steps: int, film: Path | None = None
+) -> list[dict[str, Any]]:
     """The rows of one life: the score after every `SCORED` steps."""
     import babybench.eval as kit_eval
     import babybench.utils as kit_utils
@@ -141,13 +187,17 @@ def episodes(kit: Path, seed: int, num_steps: int) -> list[dict[str, Any]]:
         given = {"strategy": "active", "seek": "postures", "jumps": False}
         # Of the experiment only seed and babbling count: the body is another.
         experiment = load_experiment("cube", {"seed": seed, "babbling": given})
-        life = Exploration(experiment, Baby(env, num_steps, seed, scored))
+        seen = Film(env, film) if film else None
+        baby = Baby(env, num_steps, seed, scored, seen.look if seen else lambda: None)
+        life = Exploration(experiment, baby)
         try:
             while True:
                 life.explore(ROUND)
                 life.round += 1  # from a posture of its own
         except OverError:
             env.close()
+        if seen:
+            seen.save()
     return rows
 
 
@@ -158,6 +208,7 @@ def main() -> None:
     parser.add_argument("--babybench", type=Path, required=True, help="the starter kit")
     parser.add_argument("--steps", type=int, default=100_000, help="of the environment")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--film", type=Path, help="GIF of the last seed")
     add_update_option(parser, "babybench")
     arguments = parser.parse_args()
     if arguments.steps <= 0 or arguments.steps % SCORED:
@@ -172,7 +223,7 @@ def main() -> None:
     last = []
     with results("babybench", update=arguments.update) as add:
         for seed in arguments.seeds:
-            rows = episodes(kit, seed, arguments.steps)
+            rows = episodes(kit, seed, arguments.steps, arguments.film)
             for row in rows:
                 add(row)
             last.append(rows[-1]["score"])
