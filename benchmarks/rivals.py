@@ -344,7 +344,11 @@ def main() -> None:
     )
     parser.add_argument("recordings", nargs="+", help="paths, or names of shipped ones")
     parser.add_argument(
-        "--touches", type=int, nargs="+", default=[15_000], help="first rows, if there are so many"
+        "--touches",
+        type=int,
+        nargs="+",
+        default=[15_000],
+        help="sizes: the first rows, or all if fewer",
     )
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--ways", nargs="+", choices=(*_OURS, *WAYS), default=[*_OURS, *WAYS])

@@ -33,7 +33,7 @@ _MARGIN = 0.0005
 
 
 class DrakeFelt(Felt):
-    """What a robot feels; each part is computed when it is asked for.
+    """What a robot feels; each part is computed when it is first used.
 
     Args:
         world: of the robot.

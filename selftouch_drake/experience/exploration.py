@@ -4,7 +4,7 @@ What the agent knows in a round depends on the rounds stored before and on nothi
 stopped run reads the stored rounds again and goes on, to the same bytes.
 
 If the body may change in the course of the experiment, the agent watches for that: it lives a
-`Life`, and explores by what it knows after it adapted. Nothing tells it when the body changes.
+`Life`, and explores by what it knows after it adapted. It gets no signal of a change.
 """
 
 import warnings

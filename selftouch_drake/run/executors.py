@@ -78,7 +78,7 @@ class InTurn(Executor):
         return future
 
     def map(self, fn, *iterables, timeout: float | None = None, chunksize: int = 1) -> Iterator:
-        """Makes each call when its result is asked for."""
+        """Makes each call when its result is needed."""
         return map(fn, *iterables)
 
 

@@ -10,7 +10,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
-SHARED = {"babbled", "ompl_planner", "peers", "raw_skin", "results", "revolute", "unrolling"}
+SHARED = {
+    *("babbled", "foreign_bodies", "ompl_planner", "peers", "raw_skin"),
+    *("results", "revolute", "unrolling"),
+}
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
 MEASURE_NOTHING = {"drawings", "mutants", "notebooks", "pictures"}
 #: What they measure on is fetched by who runs them.
@@ -64,6 +67,7 @@ SMALL: dict[str, list[str]] = {
     ],
     "causes": ["{tmp}/sphere_1", "--touches=20000"],
     "cluster": ["{run}"],
+    "foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
     "calibration": ["--seeds=1", "--out={tmp}/table.md"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }

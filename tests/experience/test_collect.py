@@ -253,7 +253,7 @@ def test_a_body_that_is_never_touched_is_reported(experiment, source, probe, mon
 
 
 class Scripted:
-    """A body that feels what it is told to, wherever it is."""
+    """A body that feels what the test has set, in any posture."""
 
     joint_names = tuple("abcdef")
     lower, upper = np.full(6, -1.0), np.full(6, 1.0)

@@ -145,8 +145,8 @@ def touch_modes(
     held_out[np.concatenate([*tested.values()])] = True
     x, sizes = standardised(sets.x), sets.sizes
     if double:
-        # What a configuration feels depends on the part that is asked for. It acts as joints that
-        # never matter.
+        # A configuration touches two parts, and is learned from once for each. The number of the
+        # part is an input like a joint, but one that never counts as relevant.
         x = np.concatenate([x, np.eye(part.max() + 1, dtype=np.float32)[of_part]], axis=1)
     felt = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
     _, _, axes = np.linalg.svd(felt, full_matrices=False)

@@ -1,10 +1,10 @@
 """Lengths of edges where readings say only which receptors feel a touch (naive).
 
 Sets of receptors change in jumps: the angle between two sets grows as the root of the distance
-between their places, where that between forces grows as the distance. But from many touches it is
-known how often receptors feel the same one: as much as two equal discs overlap, which tells how far
-apart they are. So around each kernel the receptors are laid out on a chart. There the kernel and
-its neighbours lie where a touch is within the discs of those that feel it, and outside the others.
+between their places, where that between forces grows as the distance. But many touches show how
+often two receptors feel the same one. That share is the overlap of two equal discs, and gives their
+distance. So around each kernel the receptors are laid out on a chart. There the kernel and its
+neighbours lie where a touch is within the discs of those that feel it, and outside the others.
 """
 
 import numpy as np
