@@ -5,13 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import (
-    CollisionFilterDeclaration,
-    GeometrySet,
-    Meshcat,
-    MeshcatVisualizer,
-    SceneGraph,
-)
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.controllers import InverseDynamics
@@ -50,9 +44,7 @@ class Station:
     robot: Robot
 
 
-def MakeDynamicStation(
-    experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
-) -> Station:
+def MakeDynamicStation(experiment: Experiment, skins: Sequence[SkinModel]) -> Station:
     """A world with dynamics: gravity, effort limits, contact forces and joint control.
 
     Each actuator is a PD controller inside the plant; gravity is compensated from a model of the
@@ -95,8 +87,6 @@ def MakeDynamicStation(
     builder.ExportOutput(to_joints.get_output_port(), "torque")
     builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
-    if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     return Station(diagram=builder.Build(), robot=robot)
 
 
@@ -169,24 +159,17 @@ class Simulation:
         robot: the robot.
         slip: `(J,)` rad or m, by how much joints read more than their true position.
         log_period: s, between two entries of the log; infinite if there is no log.
-
-    Args:
-        experiment: whose robot acts.
-        skins: of the robot.
-        meshcat: where to show it.
-        log_period: as above.
     """
 
     def __init__(
         self,
         experiment: Experiment,
         skins: Sequence[SkinModel],
-        meshcat: Meshcat | None = None,
         *,
         log_period: float = LOG_PERIOD,
     ):
         builder = DiagramBuilder()
-        station = MakeDynamicStation(experiment, skins, meshcat)
+        station = MakeDynamicStation(experiment, skins)
         self.robot = station.robot
         num_joints = self.robot.num_joints
         self.log_period = log_period
