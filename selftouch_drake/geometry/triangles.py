@@ -31,10 +31,10 @@ def sample_triangles(
     # Rows parallel to the longest edge, starting on it. Points between two rows lie straight above
     # the lower one, as both angles at the longest edge are acute.
     rows = np.maximum(np.ceil(height / (np.sqrt(3) / 2 * spacing)), 1).astype(int)
-    face, row = _counted(rows)
+    face, row = counted(rows)
     up = row / rows[face]
     points = np.maximum(np.ceil((1 - up) * (base / spacing)[face]), 1).astype(int)
-    of_row, place = _counted(points)
+    of_row, place = counted(points)
     face, up = face[of_row], up[of_row]
     along = (1 - up) * (place + 0.5) / points[of_row]
     return a[face] + along[:, None] * (b - a)[face] + up[:, None] * (c - a)[face], face
@@ -48,7 +48,7 @@ def lengths_and_heights(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return base, np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(base, 1e-300)
 
 
-def _counted(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def counted(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`(N,)` each index repeated by its count, and `(N,)` numbers from 0 within each."""
     index = np.repeat(np.arange(len(counts)), counts)
     return index, np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -10,6 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.compiled import compiled, inner
+from selftouch_drake.geometry.triangles import counted
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.skins import SkinModel
 
 
@@ -105,16 +107,9 @@ def distance_to_triangles(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     # The nearest triangle's centre is no farther than the nearest centre and the largest radius.
     near = tree.query_ball_point(p, 1.000001 * (tree.query(p)[0] + radius))
     counts = [len(few) for few in near]
-    corners = triangles[np.concatenate(near)]
     p = np.repeat(p, counts, axis=0)
-    # The nearest point of a triangle is below p, if that is inside, or on an edge.
-    along, to_p = np.roll(corners, -1, axis=1) - corners, p[:, None] - corners
-    normal = np.cross(along[:, 0], along[:, 1])
-    inside = (np.einsum("nki,ni->nk", np.cross(along, to_p), normal) >= 0).all(axis=1)
-    share = np.einsum("nki,nki->nk", to_p, along) / np.einsum("nki,nki->nk", along, along)
-    to_edges = to_p - np.clip(share, 0, 1)[:, :, None] * along
-    height = np.abs(np.einsum("ni,ni->n", to_p[:, 0], normal)) / np.linalg.norm(normal, axis=1)
-    distance = np.where(inside, height, np.linalg.norm(to_edges, axis=2).min(axis=1))
+    nearest = trimesh.triangles.closest_point(triangles[np.concatenate(near)], p)
+    distance = np.linalg.norm(nearest - p, axis=1)
     return np.minimum.reduceat(distance, np.cumsum([0, *counts[:-1]]))
 
 
@@ -125,9 +120,7 @@ def _cells_of_tets(
     low, high = (np.floor((c - grid[:3]) / grid[3]).astype(int) for c in np.split(box, 2, axis=1))
     low, high = np.maximum(low, 0), np.minimum(high, shape - 1)
     size = high - low + 1
-    tet = np.repeat(np.arange(len(box)), size.prod(axis=1))
-    number = np.arange(len(tet)) - np.repeat(np.cumsum(size.prod(axis=1)), size.prod(axis=1))
-    number += size.prod(axis=1)[tet]
+    tet, number = counted(size.prod(axis=1))
     x, number = np.divmod(number, size[tet, 1] * size[tet, 2])
     at = low[tet] + np.stack([x, *np.divmod(number, size[tet, 2])], axis=1)
     # Highest barycentric coordinates in each cell, taken a little larger, so that rounding hides
