@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import orthogonal_procrustes
 from scipy.spatial.distance import cdist, pdist
 
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
+from selftouch_drake.agent.shape.embedding import align
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.receptors import ReceptiveFields
 
@@ -137,23 +137,6 @@ def distance_distortion(found: np.ndarray, true: np.ndarray) -> tuple[float, flo
     ratio = found[pairs] / true[pairs]
     off = np.abs(ratio / np.median(ratio) - 1)
     return float(np.median(off)), float(np.quantile(off, 0.95))
-
-
-def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
-    """Moves, turns, mirrors and scales `(K, d)` `source` onto `(K, 3)` `target` (Procrustes).
-
-    What has less than three coordinates lies in the plane of the first. Instead of `source`,
-    `(N, d)` points may be moved in this way.
-    """
-    missing = ((0, 0), (0, target.shape[1] - source.shape[1]))
-    moved = np.pad(source if points is None else points, missing)
-    source = np.pad(source, missing)
-    middle = source.mean(axis=0)
-    centred = source - middle
-    goal = target - target.mean(axis=0)
-    rotation, singular_sum = orthogonal_procrustes(centred, goal)
-    scale = singular_sum / np.square(centred).sum()
-    return scale * (moved - middle) @ rotation + target.mean(axis=0)
 
 
 def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:

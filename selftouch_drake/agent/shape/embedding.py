@@ -6,7 +6,7 @@ from functools import partial
 
 import numba
 import numpy as np
-from scipy.linalg import eigh, eigvalsh, inv
+from scipy.linalg import eigh, eigvalsh, inv, orthogonal_procrustes
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
@@ -185,6 +185,22 @@ def unbent(
     straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
     positions = majoriser(positions, straight, num_iterations)
     return positions, _stress(positions, straight, majoriser.weights)
+
+
+def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
+    """Moves, turns, mirrors and scales `(K, d)` `source` onto `(K, D)` `target` (Procrustes).
+
+    Coordinates that it lacks are 0. Instead of `source`, `(N, d)` points may be moved in this way.
+    """
+    missing = ((0, 0), (0, target.shape[1] - source.shape[1]))
+    moved = np.pad(source if points is None else points, missing)
+    source = np.pad(source, missing)
+    middle = source.mean(axis=0)
+    centred = source - middle
+    goal = target - target.mean(axis=0)
+    rotation, singular_sum = orthogonal_procrustes(centred, goal)
+    scale = singular_sum / np.square(centred).sum()
+    return scale * (moved - middle) @ rotation + target.mean(axis=0)
 
 
 def _classical_axes(distances: np.ndarray, num_axes: int) -> tuple[np.ndarray, np.ndarray]:

@@ -11,12 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import orthogonal_procrustes
 from scipy.sparse.csgraph import connected_components
 
 from selftouch_drake.agent.representation.graphs import connected_edges, geodesics, neighbour_edges
 from selftouch_drake.agent.shape.dimension import LEAST_KERNELS
-from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
+from selftouch_drake.agent.shape.embedding import align, curvature_corrected_mds
 from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
 from selftouch_drake.agent.shape.recovery import LEAST_MARGIN
 from selftouch_drake.agent.shape.unfolding import unfold
@@ -136,7 +135,7 @@ def map_receptors(
         lay_out = _Layout(active[np.ix_(rows, known[group])], q[rows], explained)
         places, is_flat, bent = lay_out.places()
         flattened = np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
-        between = np.square(_aligned(bent, flattened) - flattened).sum(axis=1).mean()
+        between = np.square(align(bent, flattened) - flattened).sum(axis=1).mean()
         scale = np.median(spacings(places, 6))
         deviations = []
         for again in range(_NUM_RESAMPLED):
@@ -144,7 +143,7 @@ def map_receptors(
             blocks = np.array_split(np.arange(len(rows)), _NUM_BLOCKS)
             drawn = [blocks[n] for n in rng.integers(_NUM_BLOCKS, size=_NUM_BLOCKS)]
             moved = lay_out.again(places, is_flat, np.concatenate(drawn))
-            deviations.append(np.square(_aligned(moved, places) - places).sum(axis=1))
+            deviations.append(np.square(align(moved, places) - places).sum(axis=1))
             progress((number + (again + 1) / _NUM_RESAMPLED) / len(groups))
         inside = known[group]
         positions[inside] = 0.0
@@ -197,7 +196,7 @@ class _Layout:
             by_joints = _joint_predictor(self.q[rows])[0]
         there = active.any(axis=0)
         moved = places.copy()
-        moved[there] = _aligned(
+        moved[there] = align(
             unfold(active[:, there], places[there], by_joints, _AGAIN).receptors, places[there]
         )
         return moved
@@ -246,13 +245,6 @@ def _cosines(felt: np.ndarray) -> np.ndarray:
     """`(S, S)` cosines between the columns of what is felt; 0 where nothing is."""
     norm = np.maximum(np.linalg.norm(felt, axis=0), 1e-12)
     return (felt / norm).T @ (felt / norm)
-
-
-def _aligned(places: np.ndarray, onto: np.ndarray) -> np.ndarray:
-    """Places `(m, d)` moved, turned, mirrored and scaled onto others."""
-    centred, target = places - places.mean(axis=0), onto - onto.mean(axis=0)
-    turn, size = orthogonal_procrustes(centred, target)
-    return centred @ turn * (size / np.square(centred).sum()) + onto.mean(axis=0)
 
 
 def _doubts(
