@@ -1,6 +1,7 @@
 """Files that appear whole or not at all."""
 
 import contextlib
+import csv
 import functools
 import hashlib
 import os
@@ -69,6 +70,13 @@ def write_text_whole(path: Path, text: str) -> None:
     """Writes `text` to `path`, whole or not at all."""
     with written_whole(path) as aside:
         aside.write_text(text, encoding="utf-8")
+
+
+def write_csv(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Writes a table with the names of its columns, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as aside, aside.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([names, *rows])
 
 
 def content_digest(path: Path) -> str:

@@ -1,7 +1,5 @@
 """The calibration of a run: its touches beside a model of its robot, and its files."""
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +10,7 @@ from selftouch_drake.bodies.embodiment import build_world
 from selftouch_drake.calibration.contacts import Contacts
 from selftouch_drake.calibration.least_squares import Calibrated, calibrate
 from selftouch_drake.calibration.model import CalibrationError, read_kinematics
-from selftouch_drake.files import write_text_whole
+from selftouch_drake.files import write_csv, write_text_whole
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.receptor_map import read_touches
 
@@ -73,13 +71,14 @@ def _written(
     folder: Path, found: Calibrated, joints: Sequence[str], receptors: Sequence[str], link: str
 ) -> list[str]:
     """Writes `calibration.csv` and `calibration.json`; returns lines for the user."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     axes = ("x", "y", "z")
-    writer.writerow(["receptor", *axes, *(f"{axis}_half_interval" for axis in axes), "suspect"])
-    rows = zip(receptors, found.places, found.place_interval, found.suspect, strict=True)
-    for name, place, half, suspect in rows:
-        writer.writerow([name, *(f"{v:.5f}" for v in (*place, *half)), int(suspect)])
+    names = ["receptor", *axes, *(f"{axis}_half_interval" for axis in axes), "suspect"]
+    columns = zip(receptors, found.places, found.place_interval, found.suspect, strict=True)
+    rows = (
+        [name, *(f"{v:.5f}" for v in (*place, *half)), int(suspect)]
+        for name, place, half, suspect in columns
+    )
+    write_csv(folder / "calibration.csv", names, rows)
     offsets = {
         name: {"offset": float(offset), "half_interval": float(half)}
         for name, offset, half in zip(joints, found.offsets, found.offset_interval, strict=True)
@@ -95,7 +94,6 @@ def _written(
     axes_L = np.linalg.svd(found.places - middle, full_matrices=False)[2]
     axes_L[2] *= np.sign(np.linalg.det(axes_L))
     pose = {"link": link, "X_LS": np.column_stack([axes_L.T, middle]).tolist()}
-    write_text_whole(folder / "calibration.csv", text.getvalue())
     summary = {"offsets": offsets, "unobservable": unobservable, "skin": pose}
     write_text_whole(folder / "calibration.json", json.dumps(summary, indent=2) + "\n")
     half = np.linalg.norm(found.place_interval, axis=1)

@@ -4,9 +4,7 @@ An imported run has an experience, like any other, and `learn`, `plan` and `repo
 experiment has `imported` in place of robot, skins and touching.
 """
 
-import csv
 import hashlib
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +23,7 @@ from selftouch_drake.experience.store import Shard, write_shard
 from selftouch_drake.experiment import Experiment, ExperimentError, experiment_from_fields
 from selftouch_drake.experiment.loading import merged
 from selftouch_drake.experiment.schema import Imported
-from selftouch_drake.files import save_arrays, write_text_whole
+from selftouch_drake.files import save_arrays, write_csv
 from selftouch_drake.run.directory import RunDirectory
 
 # Quantile of the speeds of a joint between rows that sets its limit: the fastest 1 % are slips.
@@ -178,12 +176,9 @@ def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
 
 def write_trajectory(path: Path, motion: Motion, joints: list[str]) -> None:
     """Writes a motion as CSV: `time_s`, each joint by name, and its `_velocity`."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time_s", *joints, *(f"{name}_velocity" for name in joints)])
-    for row in np.hstack([motion.time_s[:, None], motion.q, motion.v]):
-        writer.writerow([f"{number:.9g}" for number in row])
-    write_text_whole(path, text.getvalue())
+    rows = np.hstack([motion.time_s[:, None], motion.q, motion.v])
+    names = ["time_s", *joints, *(f"{name}_velocity" for name in joints)]
+    write_csv(path, names, ([f"{number:.9g}" for number in row] for row in rows))
 
 
 def _speeds(recording: Recording) -> np.ndarray:

@@ -1,7 +1,5 @@
 """The map of receptors of a run or of a recording: its touches, and its table."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.shape.receptor_map import ReceptorMap
-from selftouch_drake.files import write_text_whole
+from selftouch_drake.files import write_csv
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.imported import read_data
 from selftouch_drake.run.stages import require_experience
@@ -70,9 +68,8 @@ def write_map(path: Path, found: ReceptorMap, names: Sequence[str]) -> None:
     columns = zip(names, found.part, found.positions, found.error, found.felt, strict=True)
     for name, part, place, error, felt in columns:
         numbers = ["" if np.isnan(v) else f"{v:.4g}" for v in (*place, error)]
-        writer.writerow([name, "" if part < 0 else part, *numbers, felt])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text_whole(path, text.getvalue())
+        rows.append([name, "" if part < 0 else part, *numbers, felt])
+    write_csv(path, ("receptor", "part", "x", "y", "z", "error", "touches"), rows)
 
 
 def summary(found: ReceptorMap) -> list[str]:
