@@ -78,10 +78,7 @@ def record(folder: Path, world: World, num_rows: int) -> None:
         q = walk.steps(min(PIECE, num_rows - first)).astype(np.float32)
         touches = [world.probe.touches(q[start : start + 5000]) for start in range(0, len(q), 5000)]
         force = np.concatenate([found.sensation for found in touches]).astype(np.float32)
-        contacts += [
-            Contacts.of_rows(t.row, t.skin, t.toucher, t.p_LC, np.arange(len(t.sensation)))
-            for t in touches
-        ]
+        contacts += [Contacts.of_rows(t, np.arange(len(t.sensation))) for t in touches]
         time_s = (first + np.arange(len(q))) / RATE_HZ
         for name in SPIKES:
             sensation = force if name == "clean" else skins[name].read(force)

@@ -69,8 +69,7 @@ class DrakeFelt(Felt):
     @property
     def contacts(self) -> Contacts:
         """The contacts behind what is felt: the truth."""
-        found, rows = self._touches, np.arange(len(self._q))
-        return Contacts.of_rows(found.row, found.skin, found.toucher, found.p_LC, rows)
+        return Contacts.of_rows(self._touches, np.arange(len(self._q)))
 
     def touches(self) -> "tuple[np.ndarray, DrakeFelt]":
         """The rows in which something is felt, and what was felt there."""

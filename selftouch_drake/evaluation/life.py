@@ -49,9 +49,7 @@ def quality(learner: "OnlineLearner", world: World, num_pairs: int) -> Quality:
     known = learner.representation
     body = Agent.of(known).recover(_METRIC)
     felt = world.probe.touches(known.kernel_q)
-    contacts = Contacts.of_rows(
-        felt.row, felt.skin, felt.toucher, felt.p_LC, np.arange(known.num_rows)
-    )
+    contacts = Contacts.of_rows(felt, np.arange(known.num_rows))
     try:
         truth = kernel_truth(known, contacts, world.receptor_skin)
     except ValueError:

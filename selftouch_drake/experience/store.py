@@ -8,7 +8,7 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -70,18 +70,16 @@ class Contacts:
     p_LC: np.ndarray
 
     @staticmethod
-    def of_rows(
-        row: np.ndarray, skin: np.ndarray, toucher: np.ndarray, p_LC: np.ndarray, rows: np.ndarray
-    ) -> "Contacts":
-        """The contacts of some rows, of contacts that are sorted by row."""
-        start, end = np.searchsorted(row, rows), np.searchsorted(row, rows, side="right")
+    def of_rows(found: Any, rows: np.ndarray) -> "Contacts":
+        """Those of some rows, of contacts with `row`, which rises, `skin`, `toucher` and `p_LC`."""
+        start, end = (np.searchsorted(found.row, rows, side) for side in ("left", "right"))
         offsets = np.concatenate([[0], np.cumsum(end - start)])
         chosen = np.repeat(start - offsets[:-1], end - start) + np.arange(offsets[-1])
         return Contacts(
             offsets=offsets.astype(np.int64),
-            skin=skin[chosen].astype(np.int8),
-            toucher=toucher[chosen].astype(np.int8),
-            p_LC=p_LC[chosen].astype(np.float32),
+            skin=found.skin[chosen].astype(np.int8),
+            toucher=found.toucher[chosen].astype(np.int8),
+            p_LC=found.p_LC[chosen].astype(np.float32),
         )
 
     @staticmethod
@@ -104,7 +102,7 @@ class Contacts:
 
     def __getitem__(self, rows: np.ndarray) -> "Contacts":
         """The contacts of some touches, in any order."""
-        return Contacts.of_rows(self.row, self.skin, self.toucher, self.p_LC, np.asarray(rows))
+        return Contacts.of_rows(self, np.asarray(rows))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
