@@ -17,7 +17,7 @@ import pyarrow.compute
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from selftouch_drake.experience.store import UNREADABLE
+from selftouch_drake.experience.store import UNREADABLE, one_chunk
 from selftouch_drake.experiment import closest, shown
 from selftouch_drake.files import load_arrays
 
@@ -284,10 +284,7 @@ class _Table:
         """`(n, ...)` numbers of a column; NaN where one is missing."""
         column, what = self.columns[name], f"column {name} of {self.path}"
         if isinstance(column, pa.ChunkedArray):
-            column = column.combine_chunks()
-            if isinstance(column, pa.ChunkedArray):
-                column = pa.concat_arrays(column.chunks)
-            column = _of_arrow(column, what)
+            column = _of_arrow(one_chunk(column), what)
         if column.dtype.kind not in "fiub":
             raise RecordingError(f"{what} holds {column.dtype}; name a column that holds numbers")
         if column.ndim == 0:

@@ -279,7 +279,7 @@ class ExperienceReader:
                 table = parquet.read([*_CONTACTS])
             except UNREADABLE as error:
                 raise _damaged(path, error) from None
-            skin, toucher, p_LC = (_one_chunk(table.column(name)) for name in _CONTACTS)
+            skin, toucher, p_LC = (one_chunk(table.column(name)) for name in _CONTACTS)
             lengths = [np.diff(lists.offsets.to_numpy()) for lists in (skin, toucher, p_LC)]
             values = [lists.flatten() for lists in (skin, toucher, p_LC)]
             nulls = sum(a.null_count for a in (skin, toucher, p_LC, *values))
@@ -335,9 +335,10 @@ def _lists(offsets: np.ndarray, values: pa.Array) -> pa.ListArray:
     return pa.ListArray.from_arrays(pa.array(offsets.astype(np.int32)), values)
 
 
-def _one_chunk(column: pa.ChunkedArray) -> pa.Array:
+def one_chunk(column: pa.ChunkedArray) -> pa.Array:
+    """The values of a column in one array."""
     joined = column.combine_chunks()
-    return joined.chunk(0) if isinstance(joined, pa.ChunkedArray) else joined
+    return pa.concat_arrays(joined.chunks) if isinstance(joined, pa.ChunkedArray) else joined
 
 
 def _type(schema: pa.Schema, column: str) -> pa.DataType:
@@ -360,7 +361,7 @@ def _vector_rows(path: Path, column: str) -> np.ndarray:
     if not fits or not kind.list_size:
         raise StoreError(f"{path} has no column {column}; give a folder of such shards")
     try:
-        vectors = _one_chunk(parquet.read([column]).column(column))
+        vectors = one_chunk(parquet.read([column]).column(column))
     except UNREADABLE as error:
         raise _damaged(path, error) from None
     numbers = vectors.flatten()
