@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from filelock import FileLock, Timeout
 
-#: How the name of a file ends that is being written.
-_ASIDE = ".part"
+#: Names of files that are being written.
+UNFINISHED = ".*.part"
 
 
 @contextlib.contextmanager
@@ -24,7 +24,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     Raises:
         OSError: it cannot be written, as when the disk is full; the text names it.
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}{_ASIDE}")
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield aside
         with aside.open("rb") as file:
@@ -41,7 +41,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 def remove_unfinished(folder: Path) -> None:
     """Removes the files that killed processes were writing into a folder; nobody else may write."""
-    for aside in folder.rglob(f".*{_ASIDE}"):
+    for aside in folder.rglob(UNFINISHED):
         aside.unlink(missing_ok=True)
 
 

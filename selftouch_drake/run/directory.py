@@ -13,6 +13,7 @@ from selftouch_drake.agent.calibration import Calibration
 from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import (
+    UNFINISHED,
     content_digest,
     load_arrays,
     locked,
@@ -30,8 +31,6 @@ from selftouch_drake.run.naming import fields_of
 
 #: Increased whenever a file of a run changes its meaning.
 RUN_FORMAT = 2
-# Unfinished files that a killed process leaves behind.
-_ORPHAN = ".*.part"
 # Digests of the robot's models and meshes.
 _MODELS = "models.json"
 _HEADER = "# A run of selftouch_drake, format "
@@ -102,7 +101,7 @@ class RunDirectory:
             return run
         # A killed start leaves its orphan, and no run yet.
         if path.exists() and not (
-            path.is_dir() and all(p.name == _MODELS or p.match(_ORPHAN) for p in path.iterdir())
+            path.is_dir() and all(p.name == _MODELS or p.match(UNFINISHED) for p in path.iterdir())
         ):
             raise RunError(f"{path} is neither a run nor empty; choose another --out")
         digests = model_digests(experiment)
