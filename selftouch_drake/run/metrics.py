@@ -37,7 +37,7 @@ class Metric:
 _TABLE = Path(__file__).with_name("metrics.csv").read_text(encoding="utf-8").splitlines()
 #: Every metric, in the order of the report.
 METRICS = tuple(Metric(**row) for row in csv.DictReader(_TABLE))
-_BY_KEY = {metric.key: metric for metric in METRICS}
+BY_KEY = {metric.key: metric for metric in METRICS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
     They are as `RunDirectory.metrics` returns them.
     """
     found: dict[str, list[Reading]] = {}
-    unknown = [Metric("Others", "", key, "", "", "") for key in metrics if key not in _BY_KEY]
+    unknown = [Metric("Others", "", key, "", "", "") for key in metrics if key not in BY_KEY]
     for metric in (*METRICS, *unknown):
         if metric.key in metrics:
             reading = _reading(metric, metrics, metric.key)
@@ -130,7 +130,7 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
 
 def tiles(metrics: Mapping[str, Any]) -> list[Reading]:
     """What the agent of a run knows of its body, as far as it is known."""
-    return [_reading(_BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
+    return [_reading(BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
 
 
 def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
@@ -138,7 +138,7 @@ def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
     rows = []
     for kind, (name, explanation) in _MOTIONS.items():
         keys = [f"{kind}_{ending}" for ending in _OF_MOTIONS]
-        cells = [_text(metrics[k], _BY_KEY[k].unit) if k in metrics else "" for k in keys]
+        cells = [_text(metrics[k], BY_KEY[k].unit) if k in metrics else "" for k in keys]
         if any(cells):
             rows.append(MotionRow(name, explanation, cells))
     return rows

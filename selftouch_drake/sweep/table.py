@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.files import written_whole
 from selftouch_drake.run.directory import RunError
-from selftouch_drake.run.metrics import METRICS, Metric
+from selftouch_drake.run.metrics import BY_KEY, Metric
 from selftouch_drake.run.naming import fields_of, leaves
 from selftouch_drake.show.style import styled
 from selftouch_drake.sweep.design import Sweep
@@ -98,7 +98,6 @@ def figure_names(table: pa.Table) -> list[str]:
 
 
 _NUM_COLUMNS = 4
-_METRICS = {metric.key: metric for metric in METRICS}
 Row = dict[str, Any]
 
 
@@ -164,7 +163,7 @@ def label(name: str) -> str:
 
 def _metric(name: str) -> Metric | None:
     """The metric that a column is of, or an entry of: `topology_betti[0]`, `by_skin.head`."""
-    return _METRICS.get(name.partition(".")[0].partition("[")[0])
+    return BY_KEY.get(name.partition(".")[0].partition("[")[0])
 
 
 def _along(field: str, rows: list[Row], fields: list[str]) -> list[Row]:
