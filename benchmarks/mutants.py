@@ -200,7 +200,7 @@ MUTANTS = (
     Mutant(
         name="reached: any sensation will do",
         file="agent/rehearsal.py",
-        old="return motion.goal in felt_kernels(representation, felt[-1])",
+        old="return motion.plan.goal in felt_kernels(representation, felt[-1])",
         new="return bool(len(felt_kernels(representation, felt[-1])))",
         first=("tests/agent/test_rehearsal.py",),
     ),

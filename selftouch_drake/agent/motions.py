@@ -101,11 +101,6 @@ class Motion(Record):
         self.check_arrays({**rows, **moves, "predicted": (num, None)})
 
     @property
-    def goal(self) -> int:
-        """The kernel to be felt at the end."""
-        return self.plan.goal
-
-    @property
     def step(self) -> np.ndarray:
         """`(T,)` the step of each instant; step i leads from waypoint i to the next."""
         return steps(self.plan.waypoint_s, self.s)

@@ -36,7 +36,7 @@ def reached(motion: Motion, felt: np.ndarray, representation: QuotientRepresenta
 
     `(T, S)` N was felt along it; the representation is the one used to make the plan.
     """
-    return motion.goal in felt_kernels(representation, felt[-1])
+    return motion.plan.goal in felt_kernels(representation, felt[-1])
 
 
 def judge(execution: Execution, representation: QuotientRepresentation) -> Try:

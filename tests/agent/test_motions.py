@@ -77,7 +77,7 @@ def test_touch_is_expected_where_the_agent_is_not_in_the_air(motion, execution):
     assert motion.touching.tolist() == [False] * 3 + [True] * 3 + [False] * 2 + [True]
     assert motion.step.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
     assert execution.contact == 1 / 4
-    assert motion.goal == execution.motion.goal == 2
+    assert motion.plan.goal == execution.motion.plan.goal == 2
 
 
 def test_a_plan_that_stays_is_in_contact(plan):

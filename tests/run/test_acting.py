@@ -88,7 +88,7 @@ def representation_of(run):
 def test_a_tour_is_planned_and_executed_as_one_motion(run, world):
     motion = stages.plan(run, 3, 20, 41)
     assert motion.plan.nodes[0] == 3
-    assert motion.goal == 41
+    assert motion.plan.goal == 41
     assert 20 in motion.plan.nodes
     assert not was_executed(run, 3, 20, 41)
     done = stages.execute(run, 3, 20, 41)

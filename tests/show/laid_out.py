@@ -145,7 +145,7 @@ def execution_of(kind: str) -> Execution:
 
 
 def _ends(motion: Motion) -> tuple[int, int]:
-    return int(motion.plan.nodes[0]), motion.goal
+    return int(motion.plan.nodes[0]), motion.plan.goal
 
 
 @dataclass(frozen=True)

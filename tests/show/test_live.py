@@ -138,9 +138,9 @@ def test_skins_move_with_the_robot_and_the_air_is_announced(two_skins):
     motion = motion_of("two_skins")
     show = live(two_skins, lambda *query: SimpleNamespace(motion=motion))
     show.simulation.rest_at(motion.q[0])
-    show._meshcat.SetSliderValue(TARGET, motion.goal)
+    show._meshcat.SetSliderValue(TARGET, motion.plan.goal)
     show.step()
-    assert show.said[-1] == f"to sensation {motion.goal}, through the air"
+    assert show.said[-1] == f"to sensation {motion.plan.goal}, through the air"
     before = transform_of(show, "/skins/forearm")
     step_until(show, lambda: not show.moving)
     after = transform_of(show, "/skins/forearm")
