@@ -85,8 +85,8 @@ class ReachEnv(SelfTouchEnv):
         return FirmTouches(self.world)
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
-        found = likeness(observation["achieved_goal"], observation["desired_goal"])
-        return float(found), False
+        goals = observation["achieved_goal"], observation["desired_goal"]
+        return float(self.compute_reward(*goals, {})), False
 
     def _observation(self) -> Observation:
         plain = super()._observation()
