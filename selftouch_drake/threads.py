@@ -54,9 +54,6 @@ class OncePerThread(Generic[Value]):
     For what jobs need and what neither pickles nor serves two at a time, as a world: each worker,
     be it a thread or a process, makes its own, once. The result must depend on nothing but the
     arguments.
-
-    Args:
-        make: the function.
     """
 
     def __init__(self, make: Callable[..., Value]):

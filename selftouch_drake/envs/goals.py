@@ -15,15 +15,7 @@ REACHED = 0.9
 
 
 def likeness(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
-    """Likeness of sensations: the cosine between them, 0 if nothing is felt.
-
-    Args:
-        achieved: `(..., S)` unit L2 norm, or zero.
-        desired: `(..., S)` unit L2 norm.
-
-    Returns:
-        `(...)`, from 0 to 1.
-    """
+    """`(...)` cosines of sensations `(..., S)` of unit L2 norm, 0 to 1; 0 where one is null."""
     return np.sum(np.multiply(achieved, desired, dtype=float), axis=-1).clip(0.0, 1.0)
 
 

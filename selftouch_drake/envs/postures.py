@@ -34,9 +34,6 @@ class FirmTouches:
     """Random touching postures, found many at a time and given out one by one.
 
     Firm is the stronger half of random touches, as in plans.
-
-    Args:
-        world: of the robot.
     """
 
     def __init__(self, world: World):

@@ -39,12 +39,9 @@ class Quality:
 
 
 def quality(learner: "OnlineLearner", world: World, num_pairs: int) -> Quality:
-    """Scores what a learner knows by now.
+    """Scores what a learner that knows something knows by now, in the body as it now is.
 
-    Args:
-        learner: one that knows something.
-        world: with the body as it now is.
-        num_pairs: of start and goal, between which paths are planned.
+    Paths are planned between so many pairs of start and goal.
     """
     known = learner.representation
     body = Agent.of(known).recover(_METRIC)

@@ -24,9 +24,7 @@ class CollisionCheck:
     Capsules round the geometries reject most pairs; Drake's signed distances decide the rest. For
     these a mesh is its convex hull.
 
-    Args:
-        robot: the robot.
-        query: called with one `(J,)` configuration, gives Drake's query object there.
+    `query`, called with one `(J,)` configuration, gives Drake's query object there.
 
     Raises:
         ExperimentError: a link has a geometry without extent, as a half space.

@@ -151,13 +151,8 @@ def MakeRobot(
 
     Only pairs of toucher and skin collide; all others are filtered, because every pair that Drake
     need not look at is time. Rigid links of the robot that may run into each other are listed, for
-    `collisions.CollisionCheck` and the dynamic world.
-
-    Args:
-        experiment: names the robot, and what touches.
-        skins: of the experiment.
-        scene_graph: of the new plant.
-        soft: whether Drake computes contact with the skins.
+    `collisions.CollisionCheck` and the dynamic world. Unless they are `soft`, Drake computes no
+    contact with the skins.
 
     Raises:
         ExperimentError: the experiment names what the robot does not have, or a joint that cannot

@@ -199,12 +199,7 @@ class RunDirectory:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Locks the run for one writer; the lock ends with its process, however that ends.
-
-        Raises:
-            PermissionError: nothing can be written here.
-            RunError: another process writes here.
-        """
+        """Locks the run for one writer, as `locked`; a RunError refuses a second one."""
         refusal = RunError(
             f"{self.path} is being written by another process; wait for it, or choose another --out"
         )

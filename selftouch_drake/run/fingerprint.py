@@ -28,11 +28,7 @@ def model_digests(
 ) -> dict[str, str]:
     """Digests of every file that decides the robot and its skins, as it is now.
 
-    If meshes are converted for Drake, `announce` is called with one line.
-
-    Raises:
-        BodyError: the Python file of a body is not there.
-        ExperimentError: a file is not found, or cannot be read.
+    Errors and `announce` are as of `body_files`; an ExperimentError names a missing file of a skin.
     """
     files = body_files(experiment, announce)
     of_skins = _skin_files(experiment)

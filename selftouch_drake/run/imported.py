@@ -87,12 +87,9 @@ def imported_experiment(
 ) -> Experiment:
     """The experiment of a run whose data come from another robot.
 
-    Args:
-        data: what was read.
-        overrides: fields of the experiment, as in `{"seed": 1}`.
-        max_velocity: rad/s or m/s, of all joints; by default the 99th percentile of the recorded
-            speeds of each joint, or 1 if no time was recorded.
-        max_acceleration: rad/s^2 or m/s^2; by default five times the velocity, per second.
+    `overrides` are as of `load_experiment`. The limits, per second and per second squared, are of
+    all joints; by default the velocity of each is the 99th percentile of its recorded speeds, or 1
+    if no time was recorded, and the acceleration five times that.
 
     Raises:
         ExperimentError: a field has an impossible value.

@@ -18,13 +18,8 @@ def read_touches(
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Touches of a run, or of a recording, evenly taken if there are more than `most`.
 
-    Args:
-        source: a run directory, or what `read_data` reads.
-        most: number of touches.
-        how: arguments of `read_data`; a run takes none.
-
-    Returns:
-        `(n, J)` motor configurations, `(n, S)` sensations and S names of receptors.
+    A recording is read by `read_data`, with arguments of which a run takes none. Returns `(n, J)`
+    motor configurations, `(n, S)` sensations and S names of receptors.
 
     Raises:
         ValueError: there are no touches, or a run is given arguments of a recording.
@@ -62,9 +57,7 @@ def receptor_names(run: RunDirectory, num: int) -> list[str]:
 
 def write_map(path: Path, found: ReceptorMap, names: Sequence[str]) -> None:
     """Writes a row for each receptor as CSV: name, part, place and error in spacings, touches."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["receptor", "part", "x", "y", "z", "error", "touches"])
+    rows = []
     columns = zip(names, found.part, found.positions, found.error, found.felt, strict=True)
     for name, part, place, error, felt in columns:
         numbers = ["" if np.isnan(v) else f"{v:.4g}" for v in (*place, error)]

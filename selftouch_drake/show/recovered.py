@@ -60,14 +60,8 @@ def laid_on_skins(
 ) -> tuple[RecoveredSkin, ...]:
     """The parts of a recovered body, each moved, turned, mirrored and scaled onto its skins.
 
-    Args:
-        body: as the agent recovered it.
-        truth: where the kernels truly are.
-        skins: each in the frame of its link.
-        home: `(skins, 3, 4)` poses of their links in the posture in which they are drawn.
-
-    Returns:
-        The parts that a surface or a line goes through.
+    Only those that a surface or a line goes through. The skins are each in the frame of its link;
+    `home` are `(skins, 3, 4)` poses of these links in the posture in which they are drawn.
     """
     parts = []
     at_home = as_one(all_moved(skins, home))

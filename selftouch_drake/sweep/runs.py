@@ -59,12 +59,7 @@ class SweepDirectory:
         return SweepDirectory(path)
 
     def writing(self) -> AbstractContextManager[None]:
-        """Locks the sweep for one writer.
-
-        Raises:
-            PermissionError: nothing can be written there.
-            RunError: another process runs it.
-        """
+        """Locks the sweep for one writer, as `locked`; a RunError refuses a second one."""
         reason = "is being run by another process; wait for it, or choose another --out"
         return locked(self.path, RunError(f"{self.path} {reason}"))
 

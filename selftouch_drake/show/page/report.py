@@ -33,12 +33,8 @@ Table = tuple[str, Sequence[Sequence[str]], Sequence[str]]
 def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Path | str) -> str:
     """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
-    What was not made yet is named, with the command that makes it.
-
-    Args:
-        data: of the run, with any of its stages done.
-        pictures: the PNG file of each of `FIGURES`, or why there is none.
-        recording: the page with the recorded plan, or why there is none.
+    What was not made yet is named, with the command that makes it. Pictures are as `draw_figures`
+    returns them; the recording is the page with the recorded plan, or why there is none.
     """
     body = no_surface = robot_missing = ""
     try:
