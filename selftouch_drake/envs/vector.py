@@ -32,12 +32,14 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
     Args:
         num_envs: N, the number of robots.
         task: `Reach`, `Slide`, or none.
+        experiment: as of `SelfTouchEnv`.
+        overrides: as of `SelfTouchEnv`.
+        period_s: as of `SelfTouchEnv`.
         max_episode_steps: after which an episode is truncated; never by default.
 
-    All others are as of `SelfTouchEnv`.
-
     Raises:
-        ValueError: `num_envs` is too small, or as of `SelfTouchEnv`.
+        ExperimentError: a field of the experiment is wrong; the text names field, value and remedy.
+        ValueError: `num_envs` or `period_s` is too small.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - Gymnasium's
@@ -75,7 +77,11 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """As of `SelfTouchEnv`, of the robots that the option `reset_mask` `(N,)` names.
+        """Puts robots at rest and begins their episodes.
+
+        Args:
+            seed: seed of all episodes from now on; by default the random stream continues.
+            options: `reset_mask` `(N,)` bool, the robots to reset; others as of `SelfTouchEnv`.
 
         Raises:
             ValueError: an option is unknown, or not a posture that this robot can take.
@@ -95,7 +101,18 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
     def step(
         self, actions: np.ndarray
     ) -> tuple[Observation, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """As of `SelfTouchEnv`, with actions `(N, J)`; all it returns has one entry per robot."""
+        """Moves all joints for one period.
+
+        Args:
+            actions: `(N, J)` shares of the joints' velocity limits, from -1 to 1.
+
+        Returns:
+            The observations, the rewards `(N,)`, whether each episode terminated `(N,)` and was
+            truncated `(N,)`, and `info` with one entry per robot.
+
+        Raises:
+            ValueError: the actions have another shape, or are not finite.
+        """
         wanted = self._q + self._one._step_size * shares(actions, self.action_space)
         before, moving = self._q, ~self._ended
         self._q = self._as_far_as_possible(wanted.clip(*self._one._range))

@@ -106,8 +106,13 @@ def RegisterSkin(
 ) -> WornSkin:
     """Gives the link of a skin its geometry, before the plant is finalized.
 
-    Unless it is `soft`, Drake computes no contact with it, and a plant takes a tenth of the time to
-    build. `visible` is as of `AddSkins`, and `reading` as of `WornSkin`, by default the forces.
+    Args:
+        plant: registered with a scene graph.
+        model: the skin, in the frame of its link.
+        visible: whether Meshcat shows its outer surface.
+        soft: whether Drake computes contact with it; without, a plant takes a tenth of the time to
+            build.
+        reading: what a `TactileSkin` reports of the forces on it; by default the forces.
 
     Raises:
         ExperimentError: the plant has no such link.
@@ -153,8 +158,14 @@ def AddModelsAndSkins(
     """Adds the models and the skins of one YAML file to the plant of a parser.
 
     The file has Drake's own `directives`, and beside them `skins`, as an experiment has them. A
-    file of a directive may also be a path, which starts at the YAML file. The parser's plant is not
-    yet finalized; its package map finds `package://` URIs. All else is as of `AddSkins`.
+    file of a directive may also be a path, which starts at the YAML file.
+
+    Args:
+        path: of the file.
+        parser: of a plant that is not yet finalized; its package map finds `package://` URIs.
+        scene_graph: of the plant.
+        seed: as of `AddSkins`.
+        visible: as of `AddSkins`.
 
     Raises:
         ExperimentError: as of `AddSkins`; or the file has other keys, or a model does not parse.

@@ -43,8 +43,13 @@ Arrays = Mapping[str, np.ndarray]
 def judge(file: Path, recording: str) -> dict[str, Any]:
     """Metrics of what a method hands in for a recording, as `metrics.json` names them.
 
-    The file is an `.npz` archive with arrays that `docs/judged.md` explains; the recording is given
-    by its path, or by name if it is shipped.
+    Args:
+        file: `.npz` with one of `touch_places` `(n, d)`, `receptor_places` `(S, d)` and
+            `distances` `(n, n)` or `(S, S)`; d is 2 or 3, unit and pose are free. For fewer touches
+            than the recording has, `rows` `(n,)` are their numbers. A method that finds parts gives
+            `parts` `(n,)` or `(S,)`, the number of each, -1 for what it leaves out. One that plans
+            gives `plans` `(P, T, J)`, joint positions along a plan for each of the `pairs`.
+        recording: path of a recording, or the name of a shipped one.
 
     Raises:
         FileNotFoundError: there is no such file or recording, or no truth beside it.

@@ -59,7 +59,15 @@ class Sweep:
 def load_sweep(source: str | Path) -> Sweep:
     """Loads a shipped sweep by name, or a sweep file by path, and checks every experiment in it.
 
-    The fields of a file are explained in `docs/running.md`; `name` is the file's own by default.
+    The file is a mapping of
+
+    - `name`: of the sweep; by default the file's own;
+    - `experiments`: names of shipped experiments or paths, which start at the file;
+    - `set`: fields laid over each of them;
+    - `seeds`: a list;
+    - `grid`: dotted fields and lists of values, for which every combination is run;
+    - `each`: the same, but each field varies alone, while the others stay as they are;
+    - `cases`: a list of mappings of fields, each laid over the experiment.
 
     Raises:
         ExperimentError: the file is not such a mapping, or an experiment in it is wrong.

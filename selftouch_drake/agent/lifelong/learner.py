@@ -28,7 +28,6 @@ from selftouch_drake.agent.representation.quotient import (
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
-    Together,
     kernel_parts,
     receptors_together,
 )
@@ -72,7 +71,7 @@ class OnlineLearner:
         # Chosen now and then, as of `QuotientRepresentation`; and the number of touches then.
         self._targets = np.zeros((0, 0), dtype=np.float32)
         self._part = self._joint_scale = np.zeros(0)
-        self._together, self._laid_out_at = Together(np.zeros((0, 0), dtype=bool), False, False), 0
+        self._together, self._laid_out_at = receptors_together(np.zeros((1, 1))), 0
         # Greatest cosine distance between a touch of one place and its target; share of touches
         # farther than that at that time: touches of several places at once.
         self._reach = self._unlike = 0.0
@@ -171,7 +170,9 @@ class OnlineLearner:
         num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
-        targets = common_targets(felt[known], num_targets, together, or_fewer=True)
+        targets = common_targets(
+            felt[known], num_targets, together.overlap, together.chance, or_fewer=True
+        )
         if self.knows:
             # Each takes the number of the most similar old one; further ones come last.
             before, now = linear_sum_assignment(-(self._targets @ targets.T))
@@ -189,7 +190,7 @@ class OnlineLearner:
             mode=np.where(together.double, NO_MODE, held.columns["mode"][of]),
         )
         self._targets, self._together = targets, together
-        self._part = kernel_parts(targets, together.near)
+        self._part = kernel_parts(targets, together.overlap)
         some = np.unique(touch[known])
         self._joint_scale = joint_scale(q[some], sensation[some])
         self._reach = float(error[known].max())
@@ -242,7 +243,7 @@ class OnlineLearner:
             kernel_mode=mode,
             mode_joints=self._mode_joints,
             joint_scale=self._joint_scale,
-            overlap=self._together.near,
+            overlap=self._together.overlap,
             part=self._part,
             num_touches=self.num_touches,
             num_set_aside=self._num_set_aside,

@@ -112,7 +112,7 @@ def learn(
         batches, num_targets, int(quantise_seed), progress, each
     )
     kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
-    num_set_aside, total = 0, np.zeros(targets.shape)
+    num_set_aside, total = 0, 0.0
     sort = partial(_sorted, targets, together, expected)
     for taken, rows, left_out, felt in passed(sort, kernels, batches(), each):
         kernels.keep(taken, rows)
@@ -151,8 +151,12 @@ def learn(
         num_set_aside=num_set_aside,
     )
     if expected is not None:
-        # What is stored is what is felt.
-        known = replace(learned.representation, target_sensations=unit(total))
+        # What is stored is what is felt; all receptors of a pool feel alike.
+        pool = together.pool
+        felt = total if together.binary else targets[:, pool] / np.bincount(pool)[pool]
+        known = replace(
+            learned.representation, target_sensations=unit(felt), overlap=together.overlap
+        )
         learned = replace(learned, representation=known)
     progress(1.0, "quotient graph")
     return learned
@@ -180,7 +184,7 @@ def _quantised(
     columns = some.sample().columns
     together = receptors_together(columns["sensation"])
     row, sensation, left_out = together.places(columns["sensation"])
-    expected = expected_readings(columns["sensation"], together.near)
+    expected = expected_readings(columns["sensation"], together)
     sensation = _as_compared(sensation[~left_out], expected)
     kept = np.unique(row[~left_out])
     if not len(kept):
@@ -191,7 +195,7 @@ def _quantised(
     whole, q = columns["sensation"][kept], columns["q"][kept]
     with thread_pool(1) as beside:
         scaling = beside.submit(joint_scale, q, _as_compared(whole, expected))
-        targets = common_targets(sensation, num_targets, together)
+        targets = common_targets(sensation, num_targets, together.near, together.chance)
     return targets, scaling.result(), together, expected, some.num_rows
 
 
@@ -269,7 +273,8 @@ def with_graph(
 def common_targets(
     sensation: np.ndarray,
     num_targets: int,
-    together: Together,
+    near: np.ndarray,
+    chance: bool,
     *,
     or_fewer: bool = False,
 ) -> np.ndarray:
@@ -282,11 +287,11 @@ def common_targets(
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)
-        if not together.chance:
+        if not chance:
             break
         label, _ = assign(sensation, targets)
         size = np.bincount(label, minlength=len(targets))
-        part = kernel_parts(targets, together.near)
+        part = kernel_parts(targets, near)
         typical = np.array([np.median(size[part == number]) for number in range(part.max() + 1)])
         rare = size < _RARE * typical[part]
         if not rare.any():

@@ -11,8 +11,10 @@ alone is such a hand, and its touches count for a place on either side.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import squareform
 
 from selftouch_drake.agent.representation.quantise import strength, unit
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -38,13 +40,18 @@ _LEAST_FELT = 20
 _OF_ONE_SKIN, _FEWEST = 0.6, 5
 
 #: A skin presses others if it feels alone in fewer touches, and if what is felt elsewhere varies:
-#: where one of its receptors is the strongest, the mean of the rest (unit length) is shorter.
-_ALONE, _ELSEWHERE = 0.25, 0.5
+#: where one of its receptors is the strongest, the mean of the rest (unit length) is shorter. The
+#: rest is spread over neighbours, so that it varies no more where receptors are fine: 0.5 to 0.6
+#: for an infant's fists, 0.75 or more for what they press, with 300 receptors and with 3000.
+_ALONE, _ELSEWHERE = 0.25, 0.66
 
 #: Touches of two places at once count as coincidence up to this share. Random walks of the paper's
 #: arm touch in at most 8 % of their steps, so two such arms touch together in at most 4 % of all
 #: touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.3 %.
 _MOST_BY_CHANCE = 0.05
+
+#: More receptors than this are pooled: few touches are felt by the same ones.
+_MOST_POOLS = 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,14 +59,23 @@ class Together:
     """Which receptors feel the same touch, and how touches of several places come about.
 
     Attributes:
-        near: `(S, S)` bool, pairs of one part that overlap, or nearly.
+        near: `(P, P)` bool, pairs of pools of one part that overlap, or nearly.
         chance: whether two places of a part are touched at once by coincidence only.
         double: whether skins press skins, so that a touch is felt on both sides.
+        binary: whether all receptors that feel a touch read the same.
+        pool: `(S,)` the pool of each receptor; where there are few, each is one of its own.
     """
 
     near: np.ndarray
     chance: bool
     double: bool
+    binary: bool
+    pool: np.ndarray
+
+    @property
+    def overlap(self) -> np.ndarray:
+        """`(S, S)` bool, pairs of receptors of one part that overlap, or nearly."""
+        return self.near[np.ix_(self.pool, self.pool)]
 
     def places(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Takes `(n, S)` N sensations apart into those of the places that are learned from.
@@ -68,10 +84,11 @@ class Together:
         that are left out: coincidences, and touches of several parts that are not double.
         """
         sensation, one_part = np.asarray(sensation), _of_one_part(self.near)
-        row = np.arange(len(sensation))
+        row, pooled = np.arange(len(sensation)), _pooled(sensation, self.pool)
         if self.double:
-            row, sensation = separate_touches(sensation, one_part)
-        number = np.bincount(separate_touches(sensation, self.near if self.chance else one_part)[0])
+            row, pooled = separate_touches(pooled, one_part)
+            sensation = np.where(pooled[:, self.pool] > 0, sensation[row], 0)
+        number = np.bincount(separate_touches(pooled, self.near if self.chance else one_part)[0])
         return row, sensation, number > 1
 
 
@@ -84,8 +101,7 @@ def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     shared, rarer, felt = _shared(sensation)
     known = felt >= _LEAST_FELT
     skin, presses = _skins(np.asarray(sensation), shared * rarer, felt, known)
-    beyond = skin[:, None] != skin
-    shared[beyond & (presses[:, None] | presses | (presses.any() & (shared < _OF_ONE_SKIN)))] = 0.0
+    shared[(skin[:, None] != skin) & presses.any()] = 0.0
     overlap = (shared >= _LEAST_SHARED) & np.logical_and.outer(known, known)
     # A receptor that overlaps with none, or felt too few touches, joins its best partner: alone it
     # would be a part of the body.
@@ -113,31 +129,57 @@ def receptors_together(sensation: np.ndarray) -> Together:
     most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
     of poses of the hand (paper, section II), and they are kept.
     """
-    overlap, double = overlapping(sensation)
+    pool = _pools(sensation)
+    pooled = _pooled(sensation, pool)
+    overlap, double = overlapping(pooled)
     one_part = _of_one_part(overlap)
-    near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & one_part)
-    several = Together(overlap, True, double).places(sensation)[2]
-    of_parts = Together(overlap, False, double).places(sensation)[2]
+    near = overlap | ((_shared(pooled)[0] >= _LEAST_NEAR) & one_part)
+    binary = bool(((sensation == 0) | (sensation == np.max(sensation))).all())
+    several = Together(overlap, True, double, binary, pool).places(sensation)[2]
+    of_parts = Together(overlap, False, double, binary, pool).places(sensation)[2]
     # Two hands with skin may touch so near to each other that no touch shows that there are two.
     chance = (double or several.any()) and np.mean(several & ~of_parts) < _MOST_BY_CHANCE
-    return Together(near, bool(chance), double)
+    return Together(near, bool(chance), double, binary, pool)
 
 
-def expected_readings(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray | None:
-    """`(S, S)` by which sensations are multiplied before they are compared; None where as they are.
+def expected_readings(sensation: np.ndarray, together: Together) -> np.ndarray | None:
+    """`(S, P)` by which sensations are multiplied before they are compared; None where as they are.
 
     If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
     more or less alike. So each receptor stands for what is felt on average when it feels something,
-    twice over: over receptors two neighbours away. `(n, S)` N sensations are unselected, overlaps
-    are as of `Together.near`.
+    twice over: over receptors two neighbours away. So does each pool, once, since touches of
+    neighbouring kernels may share none. `(n, S)` N sensations are unselected.
     """
-    if not ((sensation == 0) | (sensation == sensation.max())).all():
+    if not together.binary and len(together.pool) <= _MOST_POOLS:
         return None
-    touched = (sensation > 0).astype(np.float32)
-    together = np.where(_of_one_part(overlap), touched.T @ touched, 0.0).astype(np.float32)
-    share = together / np.maximum(np.diag(together), 1.0)[:, None]
+    touched = (_pooled(sensation, together.pool) > 0).astype(np.float32)
+    shared = np.where(_of_one_part(together.near), touched.T @ touched, 0.0).astype(np.float32)
+    share = shared / np.maximum(np.diag(shared), 1.0)[:, None]
     np.fill_diagonal(share, 1.0)  # a receptor that felt nothing yet stands for itself
-    return share @ share
+    return (share @ share if together.binary else share)[together.pool]
+
+
+def _pools(sensation: np.ndarray) -> np.ndarray:
+    """`(S,)` the pool of each receptor: that of those that feel the same of `(n, S)` touches."""
+    num_receptors = sensation.shape[1]
+    if num_receptors <= _MOST_POOLS:
+        return np.arange(num_receptors)
+    touched = csr_array(sensation > 0, dtype=np.float32)
+    felt = touched.sum(axis=0)
+    known = np.flatnonzero(felt)
+    touched = touched[:, known]
+    apart = 1.0 - (touched.T @ touched).toarray() / np.sqrt(np.outer(felt[known], felt[known]))
+    tree = linkage(squareform(apart, checks=False), "complete")
+    pool = np.zeros(num_receptors, dtype=int)  # of those that felt nothing yet
+    pool[known] = fcluster(tree, _MOST_POOLS - 1, "maxclust")
+    return pool
+
+
+def _pooled(sensation: np.ndarray, pool: np.ndarray) -> np.ndarray:
+    """`(n, P)` N, what pools feel in all of `(n, S)` N."""
+    if len(pool) <= _MOST_POOLS:
+        return sensation
+    return sensation @ csr_array((np.ones(len(pool), np.float32), (np.arange(len(pool)), pool)))
 
 
 def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -166,17 +208,19 @@ def _skins(
         partner, most = beyond.argmax(axis=1), beyond.max(axis=1)
         order, leader = np.argsort(most, kind="stable"), np.zeros(num_skins, dtype=int)
         leader[skin[order]] = order
-        leader = leader[(np.bincount(skin) < _FEWEST) & (most[leader] > 0)]
+        leader = leader[(np.bincount(skin, known) < _FEWEST) & (most[leader] > 0)]
         if not len(leader):
             break
         joined[leader, partner[leader]] = True
+    spread = np.where(skin[:, None] == skin, together, 0.0) / np.maximum(felt, 1.0)[:, None]
+    np.fill_diagonal(spread, 1.0)
     on = (sensation > 0) @ np.eye(num_skins, dtype=np.float32)[skin] > 0
     presses, alone = np.zeros(len(skin), dtype=bool), on.sum(axis=1) == 1
     for one in np.flatnonzero(on[alone].sum(axis=0) < _ALONE * on.sum(axis=0)):
         here, touches = skin == one, sensation[on[:, one] & ~alone]
         place = np.where(here, touches, 0).argmax(axis=1)
         at = csr_array((np.ones(len(place)), (place, np.arange(len(place)))))
-        elsewhere = strength(at @ unit(np.where(here, 0, touches)))
+        elsewhere = strength(at @ unit(np.where(here, 0, touches) @ spread))
         presses[here] = elsewhere.sum() < _ELSEWHERE * len(place)
     return skin, presses
 
@@ -195,7 +239,7 @@ def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarr
     """`(K,)` the part of the body that each kernel is on; 0 has the most kernels.
 
     The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as of
-    `overlapping` or `Together.near`.
+    `overlapping` or `Together`.
     """
     of_receptor = _receptor_parts(overlap)[target_sensations.argmax(axis=1)]
     _, first, part, size = np.unique(

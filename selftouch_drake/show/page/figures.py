@@ -63,9 +63,13 @@ def draw_figures(
 ) -> dict[str, Path | str]:
     """Draws `FIGURES` into the folder of a run.
 
-    Older pictures of what cannot be drawn are removed, because they show what is no longer true. If
-    `vector`, each is written as PDF as well, for papers: words, lines and marks as such, shaded
-    bodies as pictures.
+    Older pictures of what cannot be drawn are removed, because they show what is no longer true.
+
+    Args:
+        data: of a run with any of its stages done.
+        progress: called with the fraction done and what is being drawn.
+        vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
+            shaded bodies as pictures.
 
     Returns:
         The PNG file of each figure, or why it cannot be drawn.

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.representation.touches import (
+    expected_readings,
     overlapping,
+    receptors_together,
     separate_touches,
 )
 
@@ -50,3 +52,33 @@ def test_overlap_is_found_from_what_is_felt_together():
 def test_a_receptor_that_never_feels_overlaps_with_itself_alone():
     overlap, _ = overlapping(np.array([[1.0, 1.0, 0.0]] * 5))
     np.testing.assert_array_equal(overlap, [[1, 1, 0], [1, 1, 0], [0, 0, 1]])
+
+
+def test_many_receptors_are_pooled_by_what_they_feel():
+    # Two rings of 600 receptors, which a touch feels within a hundredth of a ring; ten touches of
+    # each. The last receptor never feels.
+    rng = np.random.default_rng(0)
+    place, ring = rng.random(12_000), rng.integers(2, size=12_000)
+    apart = (place[:, None] - np.arange(600) / 600 + 0.5) % 1 - 0.5
+    field = np.maximum(1 - np.abs(apart) / 0.01, 0)
+    sensation = np.zeros((12_000, 1201))
+    for one in range(2):
+        sensation[:, 600 * one : 600 * (one + 1)] = field * (ring == one)[:, None]
+    together = receptors_together(sensation)
+    assert len(np.unique(together.pool)) == 1000
+    assert set(together.pool[:600]).isdisjoint(together.pool[600:1200])
+    assert together.pool[1200] not in together.pool[:1200]
+    # Neighbours overlap; no pair of both rings does, and nothing is set aside.
+    assert together.overlap[np.arange(599), np.arange(599) + 1].all()
+    assert not together.overlap[:600, 600:].any()
+    row, felt, aside = together.places(sensation)
+    np.testing.assert_array_equal(felt, sensation)
+    assert not aside.any()
+    # Touches are compared over their neighbourhood: farther than a field reaches.
+    compared = sensation @ expected_readings(sensation, together)
+    first = np.flatnonzero(ring == 0)
+    near, far = (first[np.argmin(np.abs(place[first] - there))] for there in (0.525, 0.75))
+    here = first[np.argmin(np.abs(place[first] - 0.5))]
+    assert sensation[here] @ sensation[near] == 0
+    assert compared[here] @ compared[near] > 0
+    assert compared[here] @ compared[far] == 0

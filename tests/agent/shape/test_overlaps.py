@@ -3,7 +3,7 @@ import pytest
 from bodies import shape_error, sphere
 
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.representation.touches import expected_readings
+from selftouch_drake.agent.representation.touches import expected_readings, receptors_together
 from selftouch_drake.agent.shape.overlaps import overlap_lengths
 from selftouch_drake.agent.shape.recovery import recover
 
@@ -38,7 +38,7 @@ def test_who_feels_a_touch_tells_the_shape(level):
 def test_forces_tell_more_than_who_feels_a_touch():
     known = learned(FORCE)
     assert overlap_lengths(known, 2) is None
-    assert expected_readings(FORCE, known.overlap) is None
+    assert expected_readings(FORCE, receptors_together(FORCE)) is None
 
 
 def test_receptors_that_feel_nothing_together_tell_no_lengths():
