@@ -234,7 +234,9 @@ class Humanoid(InMuJoCo):
         """Metres of depth, from 0 to 0.02."""
         data, model, felt = self.data, self.model, np.zeros(self.num_receptors)
         contact = data.contact
-        for pair, depth, place in zip(contact.geom, -contact.dist, contact.pos, strict=True):
+        # MuJoCo pushes from a margin on.
+        depths = contact.includemargin - contact.dist
+        for pair, depth, place in zip(contact.geom, depths, contact.pos, strict=True):
             hand = [int(g in self._hands) for g in pair]
             if sum(hand) != 1 or depth <= 0.0:
                 continue
