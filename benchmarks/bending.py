@@ -3,8 +3,8 @@
     python benchmarks/joints.py --joints 9 12 --seed 7 --out runs/joints_7
     python benchmarks/bending.py runs/joints_7/run_9 runs/joints_7/run_12
 
-The same random pairs of each run are planned twice, from the same starts, with and without what the
-agent learned of the ways between its touches. Nobody has followed the plans.
+The same random pairs of each run are planned twice, with and without what the agent learned of the
+ways between its touches. Nobody has followed the plans.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from results import add_update_option, results
 
-from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
@@ -38,8 +37,7 @@ def measured(run: RunDirectory, num_pairs: int) -> dict[str, Any]:
     pairs = random_pairs(run.experiment, known, num_pairs)
     for way, model in (("straight", None), ("bent", agent.touch_model)):
         planner = dataclasses.replace(agent, touch_model=model)
-        pilot = pilot_in(bodies, planner, run.experiment)
-        plans = [planner.tour(pair, q_start=pilot.start_of(*pair)) for pair in pairs]
+        plans = [planner.tour(pair) for pair in pairs]
         contact = [contact_along(bodies.world, plan) for plan in plans]
         row |= {way: round(float(np.mean(contact)), 4), f"{way}_worst": round(min(contact), 4)}
     return row

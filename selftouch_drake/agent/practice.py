@@ -67,7 +67,7 @@ def practise(
     slider: Slider,
     targets: Sequence[int | None],
     *,
-    q_start: np.ndarray,
+    q_start: np.ndarray | None = None,
     limits: Limits | None = None,
 ) -> tuple[Agent, Plan, Plan, DryRun]:
     """Plans, and practises the plan.
@@ -83,8 +83,9 @@ def practise(
         NoWayError: rigid parts of the robot run into each other on every plan.
         ValueError: as `Agent.tour`.
     """
+    unpractised = agent.tour(targets, q_start=q_start, limits=limits)
+    q_start = unpractised.waypoints_q[0]
     tour = partial(Agent.tour, targets=targets, q_start=q_start, limits=limits)
-    unpractised = tour(agent)
     wiser, plan, felt = _repaired(tour, agent, unpractised, slider)
     if len(felt.impossible):
         in_air = partial(tour, lift_off=True)

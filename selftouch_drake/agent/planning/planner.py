@@ -65,7 +65,7 @@ class Planner:
 
     def plan(
         self,
-        q_start: np.ndarray,
+        q_start: np.ndarray | None,
         targets: Sequence[int | None],
         *,
         memory: RehearsalMemory | None = None,
@@ -82,7 +82,8 @@ class Planner:
         land first while the current ones hold still; then the current ones leave.
 
         Args:
-            q_start: `(J,)` positions of the joints at the start, in the robot's units.
+            q_start: `(J,)` positions of the joints at the start, in the robot's units. By default
+                those of a firm touch of the first target, from which steps are short.
             targets: the target sensation felt at the start, None if nothing is felt; then one or
                 more to feel, in order. If a goal is felt already, the plan is to stay.
             memory: links that cost more, slides between touches, where all other steps are
@@ -98,7 +99,13 @@ class Planner:
             ValueError: a target is out of range, no goal is given, or `q_start` does not fit the
                 representation or the limits.
         """
-        q_start = checked_configuration(q_start, self.representation, limits)
+        known, anywhere = self.representation, q_start is None
+        if q_start is None:
+            if not targets or targets[0] is None:
+                raise ValueError("q_start is missing: give joint positions if nothing is felt")
+            members = known.members(checked_target(targets[0], known))
+            q_start = known.kernel_q[members][known.kernel_error[members].argmin()]
+        q_start = checked_configuration(q_start, known, limits)
         if len(targets) < 2:
             raise ValueError(
                 f"targets is {list(targets)}: give the target sensation felt now (or None), then "
@@ -109,7 +116,10 @@ class Planner:
         memory = memory or RehearsalMemory.blank(self.representation)
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
-        way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode))
+        starts = None
+        if anywhere and here is not None and mode != NO_MODE:
+            starts = self._graphs[mode].firm.members(here)
+        way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode), starts)
         if aside is not None and mode != NO_MODE:
             joints = self._joints(mode)
             out_of_the_way = aside.copy()
@@ -125,7 +135,7 @@ class Planner:
             if here != goal:
                 self._follow_links(way, here, goal, mode, memory)
             here = goal
-        return self._through(q_start, way, memory.slides, limits)
+        return self._through(None if starts is not None else q_start, way, memory.slides, limits)
 
     def _joints(self, mode: int) -> np.ndarray:
         """The joints that move in a mode."""
@@ -207,7 +217,7 @@ class Planner:
         way.follow(nodes[1:], links, layers, mode)
 
     def _through(
-        self, q_start: np.ndarray, way: Waypoints, slides: Slides, limits: Limits | None
+        self, q_start: np.ndarray | None, way: Waypoints, slides: Slides, limits: Limits | None
     ) -> Plan:
         """The smooth plan through the waypoints."""
         representation = self.representation
@@ -219,7 +229,8 @@ class Planner:
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, limits=limited)
         path.c = path.c / representation.joint_scale
         waypoints_q = waypoints_x / representation.joint_scale
-        waypoints_q[0] = path.c[0] = q_start
+        if q_start is not None:
+            waypoints_q[0] = path.c[0] = q_start
         return Plan(
             nodes=np.array(nodes),
             links=np.array(way.links, dtype=np.int64)[of_step],

@@ -24,9 +24,12 @@ class Waypoints:
         node: the kernel that is felt at the start.
         x: `(J,)` the scaled configuration there.
         joints: the joints that move from there on.
+        starts: `(n, joints that move)` scaled, at any of which the plan may start instead.
     """
 
-    def __init__(self, node: int, x: np.ndarray, joints: np.ndarray):
+    def __init__(
+        self, node: int, x: np.ndarray, joints: np.ndarray, starts: np.ndarray | None = None
+    ):
         self.nodes = [node]
         self.in_air: list[bool] = []
         self.links: list[int] = []
@@ -34,7 +37,7 @@ class Waypoints:
         self.modes: list[int] = []
         #: Whether each waypoint stays as it is: a leg begins or ends there.
         self.kept = [True]
-        self._stretches = [(x, joints, list[np.ndarray]())]
+        self._stretches = [(x, joints, [x[joints][None] if starts is None else starts])]
 
     @property
     def end(self) -> np.ndarray:
@@ -59,7 +62,7 @@ class Waypoints:
         self.links.append(-1)
         self.modes.append(NO_MODE)
         self.kept.append(True)
-        self._stretches.append((x, joints, []))
+        self._stretches.append((x, joints, [x[joints][None]]))
 
     def passed(
         self, slides: Slides, touch: TouchModel | None, limits: tuple[np.ndarray, np.ndarray]
@@ -96,10 +99,11 @@ class Waypoints:
 
 
 def _chosen(x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:
-    """`(1 + layers, J)` configurations of a stretch, from `(J,)` x on."""
-    chosen = np.repeat(x[None], 1 + len(layers), axis=0)
-    if layers:
-        chosen[1:, joints] = smoothest_configurations([x[joints][None], *layers])[1:]
+    """`(layers, J)` configurations of a stretch; joints that do not move stay as in `(J,)` x."""
+    chosen = np.repeat(x[None], len(layers), axis=0)
+    if len(layers) > 1:
+        first = int(len(layers[0]) == 1)  # which is not rounded
+        chosen[first:, joints] = smoothest_configurations(layers)[first:]
     return chosen
 
 

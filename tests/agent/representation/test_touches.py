@@ -71,7 +71,7 @@ def test_many_receptors_are_pooled_by_what_they_feel():
     # Neighbours overlap; no pair of both rings does, and nothing is set aside.
     assert together.overlap[np.arange(599), np.arange(599) + 1].all()
     assert not together.overlap[:600, 600:].any()
-    row, felt, aside = together.places(sensation)
+    _, felt, aside = together.places(sensation)
     np.testing.assert_array_equal(felt, sensation)
     assert not aside.any()
     # Touches are compared over their neighbourhood: farther than a field reaches.
