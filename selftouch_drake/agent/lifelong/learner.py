@@ -102,7 +102,8 @@ class OnlineLearner:
         self._known = None
         row, felt = np.arange(len(q)), sensation
         if self.knows:
-            row, felt, aside = self._together.places(sensation)
+            row, of_pools, aside = self._together.places(sensation)
+            felt = self._together.receptors(sensation, row, of_pools)
             label, error = assign(felt, self._targets)
             label = np.where(aside, self.num_targets, label)
             self._num_unlike += int(np.sum(error > self._reach))
@@ -165,7 +166,8 @@ class OnlineLearner:
             rng = np.random.default_rng([self._seed, self.num_touches])
             some = np.sort(rng.choice(some, MAX_ROWS, replace=False))
         together = receptors_together(sensation[some])
-        touch, felt, aside = together.places(sensation)
+        touch, of_pools, aside = together.places(sensation)
+        felt = together.receptors(sensation, touch, of_pools)
         known = ~aside & np.isin(touch, some)
         num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:

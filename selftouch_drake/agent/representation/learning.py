@@ -37,6 +37,7 @@ from selftouch_drake.agent.representation.touches import (
     Together,
     expected_readings,
     kernel_parts,
+    pooled,
     receptors_together,
 )
 from selftouch_drake.threads import thread_pool
@@ -153,7 +154,7 @@ def learn(
     if expected is not None:
         # What is stored is what is felt; all receptors of a pool feel alike.
         pool = together.pool
-        felt = total if together.binary else targets[:, pool] / np.bincount(pool)[pool]
+        felt = np.asarray(total) if together.binary else targets[:, pool] / np.bincount(pool)[pool]
         known = replace(
             learned.representation, target_sensations=unit(felt), overlap=together.overlap
         )
@@ -192,7 +193,7 @@ def _quantised(
             "sensation has touches on several parts of the body in every row: babble until "
             "each part is touched alone"
         )
-    whole, q = columns["sensation"][kept], columns["q"][kept]
+    whole, q = pooled(columns["sensation"][kept], together.pool), columns["q"][kept]
     with thread_pool(1) as beside:
         scaling = beside.submit(joint_scale, q, _as_compared(whole, expected))
         targets = common_targets(sensation, num_targets, together.near, together.chance)
@@ -218,11 +219,12 @@ def _sorted(
     kernel in all, if it must be known.
     """
     whole, q = batch
-    row, sensation, left_out = together.places(whole)
-    label, error = assign(_as_compared(sensation, expected), targets)
+    row, of_pools, left_out = together.places(whole)
+    label, error = assign(_as_compared(of_pools, expected), targets)
     label[left_out] = -1
+    sensation = together.receptors(whole, row, of_pools)
     felt: np.ndarray | float = 0.0
-    if expected is not None:
+    if together.binary:
         kept = np.flatnonzero(label >= 0)
         cells = csr_array((np.ones(len(kept)), (label[kept], kept)), (len(targets), len(label)))
         felt = cells @ unit(sensation)

@@ -80,16 +80,22 @@ class Together:
     def places(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Takes `(n, S)` N sensations apart into those of the places that are learned from.
 
-        Returns `(m,)` the sensation that each is of, ascending; `(m, S)` N; and `(m,)` bool, those
-        that are left out: coincidences, and touches of several parts that are not double.
+        Returns `(m,)` the sensation that each is of, ascending; `(m, P)` N, what pools feel; and
+        `(m,)` bool, those that are left out: coincidences, and touches of several parts that are
+        not double.
         """
-        sensation, one_part = np.asarray(sensation), _of_one_part(self.near)
-        row, pooled = np.arange(len(sensation)), _pooled(sensation, self.pool)
+        felt, one_part = pooled(np.asarray(sensation), self.pool), _of_one_part(self.near)
+        row = np.arange(len(felt))
         if self.double:
-            row, pooled = separate_touches(pooled, one_part)
-            sensation = np.where(pooled[:, self.pool] > 0, sensation[row], 0)
-        number = np.bincount(separate_touches(pooled, self.near if self.chance else one_part)[0])
-        return row, sensation, number > 1
+            row, felt = separate_touches(felt, one_part)
+        number = np.bincount(separate_touches(felt, self.near if self.chance else one_part)[0])
+        return row, felt, number > 1
+
+    def receptors(self, sensation: np.ndarray, row: np.ndarray, felt: np.ndarray) -> np.ndarray:
+        """`(m, S)` N, what receptors feel of what pools feel at the `places` of a sensation."""
+        if len(self.pool) <= _MOST_POOLS:
+            return felt
+        return np.where(felt[:, self.pool] > 0, sensation[row], 0)
 
 
 def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -130,10 +136,10 @@ def receptors_together(sensation: np.ndarray) -> Together:
     of poses of the hand (paper, section II), and they are kept.
     """
     pool = _pools(sensation)
-    pooled = _pooled(sensation, pool)
-    overlap, double = overlapping(pooled)
+    felt = pooled(sensation, pool)
+    overlap, double = overlapping(felt)
     one_part = _of_one_part(overlap)
-    near = overlap | ((_shared(pooled)[0] >= _LEAST_NEAR) & one_part)
+    near = overlap | ((_shared(felt)[0] >= _LEAST_NEAR) & one_part)
     binary = bool(((sensation == 0) | (sensation == np.max(sensation))).all())
     several = Together(overlap, True, double, binary, pool).places(sensation)[2]
     of_parts = Together(overlap, False, double, binary, pool).places(sensation)[2]
@@ -143,7 +149,7 @@ def receptors_together(sensation: np.ndarray) -> Together:
 
 
 def expected_readings(sensation: np.ndarray, together: Together) -> np.ndarray | None:
-    """`(S, P)` by which sensations are multiplied before they are compared; None where as they are.
+    """`(P, P)` by which what pools feel is multiplied before it is compared; None where as it is.
 
     If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
     more or less alike. So each receptor stands for what is felt on average when it feels something,
@@ -152,11 +158,11 @@ def expected_readings(sensation: np.ndarray, together: Together) -> np.ndarray |
     """
     if not together.binary and len(together.pool) <= _MOST_POOLS:
         return None
-    touched = (_pooled(sensation, together.pool) > 0).astype(np.float32)
+    touched = (pooled(sensation, together.pool) > 0).astype(np.float32)
     shared = np.where(_of_one_part(together.near), touched.T @ touched, 0.0).astype(np.float32)
     share = shared / np.maximum(np.diag(shared), 1.0)[:, None]
     np.fill_diagonal(share, 1.0)  # a receptor that felt nothing yet stands for itself
-    return (share @ share if together.binary else share)[together.pool]
+    return share @ share if together.binary else share
 
 
 def _pools(sensation: np.ndarray) -> np.ndarray:
@@ -175,7 +181,7 @@ def _pools(sensation: np.ndarray) -> np.ndarray:
     return pool
 
 
-def _pooled(sensation: np.ndarray, pool: np.ndarray) -> np.ndarray:
+def pooled(sensation: np.ndarray, pool: np.ndarray) -> np.ndarray:
     """`(n, P)` N, what pools feel in all of `(n, S)` N."""
     if len(pool) <= _MOST_POOLS:
         return sensation

@@ -71,11 +71,11 @@ def test_many_receptors_are_pooled_by_what_they_feel():
     # Neighbours overlap; no pair of both rings does, and nothing is set aside.
     assert together.overlap[np.arange(599), np.arange(599) + 1].all()
     assert not together.overlap[:600, 600:].any()
-    _, felt, aside = together.places(sensation)
-    np.testing.assert_array_equal(felt, sensation)
+    row, felt, aside = together.places(sensation)
+    np.testing.assert_array_equal(together.receptors(sensation, row, felt), sensation)
     assert not aside.any()
     # Touches are compared over their neighbourhood: farther than a field reaches.
-    compared = sensation @ expected_readings(sensation, together)
+    compared = felt @ expected_readings(sensation, together)
     first = np.flatnonzero(ring == 0)
     near, far = (first[np.argmin(np.abs(place[first] - there))] for there in (0.525, 0.75))
     here = first[np.argmin(np.abs(place[first] - 0.5))]
