@@ -1,10 +1,10 @@
-"""Contact of plans before practice, with straight steps and with steps that are bent into the skin.
+"""Contact of plans before practice, with straight steps and with steps bent into the skin.
 
-    python benchmarks/joints.py --joints 9 12 --seed 7 --out runs/joints_7
-    python benchmarks/bending.py runs/joints_7/run_9 runs/joints_7/run_12
+    python benchmarks/bending.py --joints 9 12 --seeds 62 63 --touches 20000 60000
 
-The same random pairs of each run are planned twice, with and without what the agent learned of the
-ways between its touches. Nobody has followed the plans.
+Runs are those of `joints.py`, a torus on a neck, with random and with active babbling; one that is
+missing is made. The same random pairs of each are planned twice, with and without what the agent
+learned of the ways between its touches. Nobody has followed the plans.
 """
 
 from __future__ import annotations
@@ -15,43 +15,71 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from results import add_update_option, results
+from babbled import babbled
+from joints import experiment_file
+from results import ROOT, add_update_option, results
 
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import run_bodies
 
 
-def measured(run: RunDirectory, num_pairs: int) -> dict[str, Any]:
-    """A row of the table."""
-    agent, bodies = load_agent(run), run_bodies(run)
-    assert bodies.world is not None
-    known = agent.representation
-    row: dict[str, Any] = {
-        "joints": known.kernel_q.shape[1],
-        "seed": run.experiment.seed,
-        "touches": known.num_touches,
-        "pairs": num_pairs,
+def learned(joints: int, seed: int, touches: int, way: str, options: Any) -> RunDirectory:
+    """A run; one that is missing is made."""
+    size = {
+        "seed": seed,
+        "babbling": {"num_samples": touches, "strategy": way},
+        "representation": {"num_targets": options.targets, "metric": "sensorimotor"},
     }
-    pairs = random_pairs(run.experiment, known, num_pairs)
+    experiment = load_experiment(experiment_file(options.out, joints), size)
+    run = babbled(options.out / f"run_{joints}_{way}_{touches}_{seed}", experiment)
+    if not stages.has_learned(run):
+        stages.learn(run)
+    return run
+
+
+def contacts(run: RunDirectory, num_pairs: int) -> dict[str, float]:
+    """Columns of the table: mean and worst contact."""
+    agent, bodies, row = load_agent(run), run_bodies(run), dict[str, float]()
+    assert bodies.world is not None
+    pairs = random_pairs(run.experiment, agent.representation, num_pairs)
     for way, model in (("straight", None), ("bent", agent.touch_model)):
         planner = dataclasses.replace(agent, touch_model=model)
-        plans = [planner.tour(pair) for pair in pairs]
-        contact = [contact_along(bodies.world, plan) for plan in plans]
+        contact = [contact_along(bodies.world, planner.tour(pair)) for pair in pairs]
         row |= {way: round(float(np.mean(contact)), 4), f"{way}_worst": round(min(contact), 4)}
     return row
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("runs", type=Path, nargs="+", help="runs that have learned")
-    parser.add_argument("--pairs", type=int, default=30)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--joints", nargs="+", type=int, default=[9, 12])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[62])
+    parser.add_argument("--touches", nargs="+", type=int, default=[60_000])
+    parser.add_argument("--ways", nargs="+", choices=("random", "active"), default=["random"])
+    parser.add_argument("--targets", type=int, default=300)
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "bending", help="the runs")
     add_update_option(parser, "bending")
     options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    cases = [
+        (joints, seed, touches, way)
+        for joints in options.joints
+        for touches in options.touches
+        for way in options.ways
+        for seed in options.seeds
+    ]
     with results("bending", update=options.update) as add:
-        for path in options.runs:
-            row = measured(RunDirectory.open(path), options.pairs)
+        for joints, seed, touches, way in cases:
+            run = learned(joints, seed, touches, way, options)
+            row: dict[str, Any] = {"joints": joints, "seed": seed, "touches": touches}
+            row |= {"way": way, "targets": options.targets, "pairs": options.pairs}
+            row |= contacts(run, options.pairs)
             print(row, flush=True)
             add(row)
 

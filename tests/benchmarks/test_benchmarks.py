@@ -56,7 +56,7 @@ SMALL: dict[str, list[str]] = {
     "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
     "live": ["{run}", "--seconds", "1", "--no-browser"],
     "sensor": ["--quick", "--looks", "2"],
-    "bending": ["{run}", "--pairs", "2"],
+    "bending": ["--joints=6", *FEW, "--pairs=2", "--out={tmp}"],
     "paths": ["{run}", "--pairs", "2"],
     "readings": [
         "--shapes=sphere",
