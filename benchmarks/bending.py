@@ -28,7 +28,7 @@ from selftouch_drake.run.worlds import run_bodies
 
 
 def learned(joints: int, seed: int, touches: int, way: str, options: Any) -> RunDirectory:
-    """A run; one that is missing is made."""
+    """The run of these sizes, after learning; makes it if it is missing."""
     size = {
         "seed": seed,
         "babbling": {"num_samples": touches, "strategy": way},

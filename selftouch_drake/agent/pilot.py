@@ -106,9 +106,10 @@ class Pilot:
         return self._query([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray | None:
-        """`(J,)` where a motion through some targets starts; None if a body gets anywhere at once.
+        """`(J,)` where a motion through some targets starts; None if the plan chooses.
 
-        A body that travels goes to where the way is best known, of what it reaches.
+        It does for a body that jumps, as of `Planner.plan`. A body that travels goes to where the
+        way is best known, of what it reaches.
         """
         if self.body.jumps:
             return None

@@ -39,9 +39,9 @@ class Quality:
 
 
 def quality(learner: "OnlineLearner", world: World, num_pairs: int) -> Quality:
-    """Scores what a learner that knows something knows by now, in the body as it now is.
+    """Scores what a learner knows of the body as it is now; it must know something.
 
-    Paths are planned between so many pairs of start and goal.
+    Paths are planned between `num_pairs` pairs of start and goal.
     """
     known = learner.representation
     body = Agent.of(known).recover(_METRIC)

@@ -83,7 +83,8 @@ class Planner:
 
         Args:
             q_start: `(J,)` positions of the joints at the start, in the robot's units. By default
-                those of a firm touch of the first target, from which steps are short.
+                those of a firm touch of the first target, from which steps along links are short;
+                if the plan begins otherwise, of the touch most like that target.
             targets: the target sensation felt at the start, None if nothing is felt; then one or
                 more to feel, in order. If a goal is felt already, the plan is to stay.
             memory: links that cost more, slides between touches, where all other steps are
@@ -96,13 +97,15 @@ class Planner:
                 range of experience, unless the start or a slide lies outside.
 
         Raises:
-            ValueError: a target is out of range, no goal is given, or `q_start` does not fit the
-                representation or the limits.
+            ValueError: a target is out of range, no goal is given, or `q_start` is missing or does
+                not fit the representation or the limits.
         """
         known, anywhere = self.representation, q_start is None
         if q_start is None:
-            if not targets or targets[0] is None:
-                raise ValueError("q_start is missing: give joint positions if nothing is felt")
+            if not targets or targets[0] is None or limits is not None:
+                raise ValueError(
+                    "q_start is missing: give joint positions if nothing is felt, or with limits"
+                )
             members = known.members(checked_target(targets[0], known))
             q_start = known.kernel_q[members][known.kernel_error[members].argmin()]
         q_start = checked_configuration(q_start, known, limits)
@@ -118,7 +121,9 @@ class Planner:
         mode = NO_MODE if here is None else self._mode_at(x, here)
         starts = None
         if anywhere and here is not None and mode != NO_MODE:
-            starts = self._graphs[mode].firm.members(here)
+            graph = self._graphs[mode]
+            rows = memory.not_missed(graph.firm_row[graph.firm_kernel == here])
+            starts = self._rows_x[rows].astype(float)
         way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode), starts)
         if aside is not None and mode != NO_MODE:
             joints = self._joints(mode)

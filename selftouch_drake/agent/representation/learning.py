@@ -152,7 +152,7 @@ def learn(
         num_set_aside=num_set_aside,
     )
     if expected is not None:
-        # What is stored is what is felt; all receptors of a pool feel alike.
+        # Binary targets are stored as they are felt, pools as they are compared.
         pool = together.pool
         felt = np.asarray(total) if together.binary else targets[:, pool] / np.bincount(pool)[pool]
         known = replace(
@@ -284,8 +284,9 @@ def common_targets(
 
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
-    So targets with hardly any touches, for their part, are dropped with their touches. If none come
-    together by chance, this does nothing. The rest is as of `target_sensations`.
+    So targets with hardly any touches, for their part, are dropped with their touches. If not
+    `chance`, this does nothing. `near`, `(S, S)` as of `Together`, tells parts. The rest is as of
+    `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)

@@ -50,8 +50,9 @@ _ALONE, _ELSEWHERE = 0.25, 0.66
 #: touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.3 %.
 _MOST_BY_CHANCE = 0.05
 
-#: More receptors than this are pooled: few touches are felt by the same ones.
-_MOST_POOLS = 1000
+#: More receptors than this are pooled: few touches are felt by the same ones. Those of one pool are
+#: nearer than this, in one less the share of their touches, over the geometric mean of theirs.
+_MOST_POOLS, _MOST_APART = 1000, 0.9999
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +108,9 @@ def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     shared, rarer, felt = _shared(sensation)
     known = felt >= _LEAST_FELT
     skin, presses = _skins(np.asarray(sensation), shared * rarer, felt, known)
-    shared[(skin[:, None] != skin) & presses.any()] = 0.0
+    # Where skins press, no touch joins two of them; one that felt little may be a rim of another.
+    cut = presses[:, None] | presses | (presses.any() & np.logical_and.outer(known, known))
+    shared[(skin[:, None] != skin) & cut] = 0.0
     overlap = (shared >= _LEAST_SHARED) & np.logical_and.outer(known, known)
     # A receptor that overlaps with none, or felt too few touches, joins its best partner: alone it
     # would be a part of the body.
@@ -149,12 +152,12 @@ def receptors_together(sensation: np.ndarray) -> Together:
 
 
 def expected_readings(sensation: np.ndarray, together: Together) -> np.ndarray | None:
-    """`(P, P)` by which what pools feel is multiplied before it is compared; None where as it is.
+    """`(P, P)` by which what pools feel is multiplied before it is compared; None if it is not.
 
     If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
     more or less alike. So each receptor stands for what is felt on average when it feels something,
-    twice over: over receptors two neighbours away. So does each pool, once, since touches of
-    neighbouring kernels may share none. `(n, S)` N sensations are unselected.
+    twice over: over receptors two neighbours away. Pools of forces do so once: touches of
+    neighbouring kernels may share no receptor. `(n, S)` N sensations are unselected.
     """
     if not together.binary and len(together.pool) <= _MOST_POOLS:
         return None
@@ -173,11 +176,15 @@ def _pools(sensation: np.ndarray) -> np.ndarray:
     touched = csr_array(sensation > 0, dtype=np.float32)
     felt = touched.sum(axis=0)
     known = np.flatnonzero(felt)
+    pool = np.zeros(num_receptors, dtype=int)  # of those that felt nothing yet
+    pool[known] = 1 + np.arange(len(known))
+    if len(known) < _MOST_POOLS:
+        return pool
     touched = touched[:, known]
     apart = 1.0 - (touched.T @ touched).toarray() / np.sqrt(np.outer(felt[known], felt[known]))
     tree = linkage(squareform(apart, checks=False), "complete")
-    pool = np.zeros(num_receptors, dtype=int)  # of those that felt nothing yet
-    pool[known] = fcluster(tree, _MOST_POOLS - 1, "maxclust")
+    # Those that share no touch stay apart, however many there are.
+    pool[known] = fcluster(tree, min(tree[1 - _MOST_POOLS, 2], _MOST_APART), "distance")
     return pool
 
 
@@ -214,7 +221,7 @@ def _skins(
         partner, most = beyond.argmax(axis=1), beyond.max(axis=1)
         order, leader = np.argsort(most, kind="stable"), np.zeros(num_skins, dtype=int)
         leader[skin[order]] = order
-        leader = leader[(np.bincount(skin, known) < _FEWEST) & (most[leader] > 0)]
+        leader = leader[(np.bincount(skin) < _FEWEST) & (most[leader] > 0)]
         if not len(leader):
             break
         joined[leader, partner[leader]] = True

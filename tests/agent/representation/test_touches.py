@@ -82,3 +82,40 @@ def test_many_receptors_are_pooled_by_what_they_feel():
     assert sensation[here] @ sensation[near] == 0
     assert compared[here] @ compared[near] > 0
     assert compared[here] @ compared[far] == 0
+
+
+def test_receptors_that_share_no_touch_are_never_pooled():
+    # Each touch is felt by one receptor, or two neighbours, of 1500.
+    rng = np.random.default_rng(0)
+    touched = rng.integers(1500, size=4000)
+    sensation = np.zeros((4000, 1500))
+    sensation[np.arange(4000), touched] = 1.0
+    sensation[np.arange(2000), (touched[:2000] + 1) % 1500] = 0.5
+    pool = receptors_together(sensation).pool
+    felt = np.flatnonzero(sensation.any(axis=0))
+    _, size = np.unique(pool[felt], return_counts=True)
+    assert size.max() <= 3
+
+
+@pytest.mark.parametrize("num_felt", [0, 1, 2])
+def test_receptors_that_hardly_feel_need_no_pools(num_felt):
+    sensation = np.zeros((50, 1200))
+    sensation[:, :num_felt] = 1.0
+    together = receptors_together(sensation)
+    assert len(np.unique(together.pool)) == 1 + num_felt
+
+
+def test_a_skin_that_is_seldom_touched_is_no_part_of_the_fist_that_touches_it():
+    rng = np.random.default_rng(0)
+
+    def ring(num, at):
+        apart = (at[:, None] - np.arange(num) / num + 0.5) % 1 - 0.5
+        return np.maximum(1 - np.abs(apart) * num / 2.5, 0)
+
+    fist, torso, head = (ring(num, rng.random(20_000)) for num in (30, 100, 100))
+    on_head = (np.arange(20_000) < 120)[:, None]
+    sensation = np.hstack([fist, np.where(on_head, 0, torso), np.where(on_head, head, 0)])
+    together = receptors_together(sensation)
+    assert together.double
+    assert not together.near[:30, 30:].any()
+    assert not together.near[30:130, 130:].any()
