@@ -71,7 +71,7 @@ class Contacts:
 
     @staticmethod
     def of_rows(found: Any, rows: np.ndarray) -> "Contacts":
-        """The contacts of some rows; those found have `row` (ascending), `skin`, `toucher`, `p_LC`."""
+        """Contacts of some rows; those found have `row` (ascending), `skin`, `toucher`, `p_LC`."""
         start, end = (np.searchsorted(found.row, rows, side) for side in ("left", "right"))
         offsets = np.concatenate([[0], np.cumsum(end - start)])
         chosen = np.repeat(start - offsets[:-1], end - start) + np.arange(offsets[-1])
