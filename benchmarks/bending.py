@@ -19,6 +19,7 @@ from babbled import babbled
 from joints import experiment_file
 from results import ROOT, add_update_option, results
 
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run import stages
@@ -48,7 +49,9 @@ def contacts(run: RunDirectory, num_pairs: int) -> dict[str, float]:
     pairs = random_pairs(run.experiment, agent.representation, num_pairs)
     for way, model in (("straight", None), ("bent", agent.touch_model)):
         planner = dataclasses.replace(agent, touch_model=model)
-        contact = [contact_along(bodies.world, planner.tour(pair)) for pair in pairs]
+        start_of = pilot_in(bodies, planner, run.experiment).start_of
+        plans = [planner.tour(pair, q_start=start_of(*pair)) for pair in pairs]
+        contact = [contact_along(bodies.world, plan) for plan in plans]
         row |= {way: round(float(np.mean(contact)), 4), f"{way}_worst": round(min(contact), 4)}
     return row
 

@@ -189,7 +189,7 @@ def ompl_planner(world: World) -> Callable[[Question], np.ndarray | None]:
 def questions(
     run: RunDirectory, representation: QuotientRepresentation, num_pairs: int
 ) -> list[Question]:
-    """The first pairs that `selftouch evaluate` tries, each from a touch of its start."""
+    """The first pairs that `selftouch evaluate` tries, with the same start configurations."""
     asked = []
     for start, goal in random_pairs(run.experiment, representation)[:num_pairs]:
         members = representation.kernel_q[representation.members(start)]

@@ -115,13 +115,6 @@ def judged(motions: list[Motion], body: LivingBody, agent: Agent) -> dict[str, f
     }
 
 
-def typical_touch(agent: Agent, target: int) -> np.ndarray:
-    """`(J,)` the touch that feels most like a target sensation."""
-    known = agent.representation
-    members = known.members(target)
-    return known.kernel_q[members][known.kernel_error[members].argmin()].astype(float)
-
-
 def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Rows of the table: one recording without its body, and with it."""
     raw, file = RawBody(seed), options.out / f"recording_{seed}.npz"
@@ -137,19 +130,14 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
     pairs = pairs_within_parts(agent, options.pairs)
     for way in ("typical start", "recording", "body"):
         began, motions = time.process_time(), list[Motion]()
-        pilot = Pilot(agent, body)
+        pilot = Pilot(agent, body, seed=seed)
         for pair in pairs[: options.practised if way == "body" else None]:
             if way == "body":
                 with suppress(NoWayError):
                     motions.append(pilot.plan(*pair).motion)
             else:
                 first = way == "typical start"
-                start = typical_touch(agent, pair[0])
-                plan = (
-                    agent.tour(pair, q_start=start)
-                    if first
-                    else recorded.surest(pair, agent.tour)[0]
-                )
+                plan = agent.tour(pair) if first else recorded.surest(pair, agent.tour)[0]
                 motions.append(timed(agent, plan, experiment.imported))
         novelty = [recorded.novelty(motion.plan) for motion in motions]
         seconds = (time.process_time() - began) / len(motions)

@@ -142,7 +142,7 @@ def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
     pilot = pilot_in(stages.run_bodies(run), agent, run.experiment)
     pilot.get_ready()
     asked = questions(run, agent.representation, num_pairs)
-    ours = [measure_cpu(lambda q=q: pilot.plan_from(q.q_start, q.goal)) for q in asked]
+    ours = [measure_cpu(lambda q=q: pilot.plan(q.start, q.goal)) for q in asked]
     ompl = ompl_planner(world)
     ompl(asked[0])  # compiles what is compiled
     theirs = [measure_cpu(lambda q=q: ompl(q)) for q in asked]

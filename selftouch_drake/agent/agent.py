@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning.planner import Planner
+from selftouch_drake.agent.planning.planner import Planner, checked_target
 from selftouch_drake.agent.planning.prediction import (
     Prediction,
     predict_sensation,
@@ -116,9 +116,16 @@ class Agent:
     ) -> Plan:
         """Plans one continuous motion through several target sensations, in order.
 
-        The plan comes from what the agent has learned and remembers; nobody has followed it.
+        The plan comes from what the agent has learned and remembers; nobody has followed it. By
+        default it starts at the configuration of the first target whose sensation is nearest to it.
         Arguments and errors are as of `Planner.plan`: options are `aside`, `lift_off` and `limits`.
         """
+        if q_start is None:
+            if not targets or targets[0] is None:
+                raise ValueError("q_start is missing: give joint positions if nothing is felt")
+            known = self.representation
+            members = known.members(checked_target(targets[0], known))
+            q_start = known.kernel_q[members][known.kernel_error[members].argmin()].astype(float)
         return self.planner.plan(q_start, targets, memory=self.memory, **options)
 
     def predict(self, plan: Plan, s: np.ndarray, dry_run: "DryRun | None" = None) -> Prediction:

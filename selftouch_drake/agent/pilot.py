@@ -20,6 +20,7 @@ from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_fr
 from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
+from selftouch_drake.randomness import random_stream
 
 #: Hz, rate of the samples of a timed motion.
 RATE_HZ = 100.0
@@ -56,6 +57,7 @@ class Pilot:
         agent: the agent that plans; a rehearsal replaces it by one that remembers more.
         body: its body, which executes motions.
         practice: the body in which it practises plans, slowly; by default the same one.
+        seed: decides where motions start.
         touch_servo: whether motions are executed with the touch servo; the body must have one.
     """
 
@@ -65,12 +67,13 @@ class Pilot:
         body: Body,
         practice: Body | None = None,
         *,
+        seed: int = 0,
         touch_servo: bool = False,
     ):
         self.agent = agent
         self.body = body
         self.practice = body if practice is None else practice
-        self._touch_servo = touch_servo
+        self._seed, self._touch_servo = seed, touch_servo
 
     def get_ready(self) -> None:
         """Prepares everything that queries need, so that the first one takes no longer."""
@@ -81,7 +84,7 @@ class Pilot:
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
 
-        Where it starts is as of `start_of`.
+        The motion starts at a configuration of the first, as of `start_of`.
 
         Raises:
             NoWayError: none was found.
@@ -105,17 +108,18 @@ class Pilot:
         limits = self.body.lower, self.body.upper
         return self._query([self.agent.felt(felt), goal], q_start, limits)
 
-    def start_of(self, *targets: int) -> np.ndarray | None:
-        """`(J,)` where a motion through some targets starts; None if the plan chooses.
+    def start_of(self, *targets: int) -> np.ndarray:
+        """`(J,)` the start of the motion: any configuration of the first kernel, by the seed.
 
-        It does for a body that jumps, as of `Planner.plan`. A body that travels goes to where the
-        way is best known, of what it reaches.
+        A body that travels goes there: to where the way is best known, of what it reaches.
         """
-        if self.body.jumps:
-            return None
-        surest = Recorded(self.agent.representation).surest(targets, self.agent.tour)
-        starts = [plan.waypoints_q[0] for plan in surest]
-        return next((q for q in starts if self.practice.feel(q[None]).reached[0]), starts[0])
+        known = self.agent.representation
+        if not self.body.jumps:
+            starts = [p.waypoints_q[0] for p in Recorded(known).surest(targets, self.agent.tour)]
+            return next((q for q in starts if self.practice.feel(q[None]).reached[0]), starts[0])
+        members = known.kernel_q[known.members(targets[0])]
+        rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
+        return members[rng.integers(len(members))].astype(float)
 
     def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
         """The timed plan, with what the agent expects to feel, as of `Agent.predict`."""
@@ -193,10 +197,7 @@ class Pilot:
         return Slider(self.practice, self.agent.representation.joint_scale)
 
     def _query(
-        self,
-        targets: Sequence[int | None],
-        q_start: np.ndarray | None,
-        limits: Limits | None = None,
+        self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
     ) -> Query:
         """Plans and practises the plan."""
         began = time.perf_counter()

@@ -67,7 +67,7 @@ def practise(
     slider: Slider,
     targets: Sequence[int | None],
     *,
-    q_start: np.ndarray | None = None,
+    q_start: np.ndarray,
     limits: Limits | None = None,
 ) -> tuple[Agent, Plan, Plan, DryRun]:
     """Plans, and practises the plan.
@@ -75,8 +75,7 @@ def practise(
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
     other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
-    are as of `Agent.tour`; a start that is left open is one that the robot can take, and stays.
-    Returns the agent with what it learned in practice, the plan before
+    are as of `Agent.tour`. Returns the agent with what it learned in practice, the plan before
     practice, the practised one (the same if nothing was to be repaired), and what was felt along
     it.
 
@@ -84,15 +83,8 @@ def practise(
         NoWayError: rigid parts of the robot run into each other on every plan.
         ValueError: as `Agent.tour`.
     """
-    unpractised = agent.tour(targets, q_start=q_start, limits=limits)
-    for _ in range(_MOST_ROUNDS if q_start is None else 0):
-        if slider.feel(agent.representation.scaled(unpractised.waypoints_q[:1])).reached[0]:
-            break
-        missed = _stored(unpractised, [0], agent.representation)
-        agent = agent.recalling(agent.memory.missing(missed))
-        unpractised = agent.tour(targets)
-    q_start = unpractised.waypoints_q[0]
     tour = partial(Agent.tour, targets=targets, q_start=q_start, limits=limits)
+    unpractised = tour(agent)
     wiser, plan, felt = _repaired(tour, agent, unpractised, slider)
     if len(felt.impossible):
         in_air = partial(tour, lift_off=True)

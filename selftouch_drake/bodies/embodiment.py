@@ -91,6 +91,7 @@ def pilot_in(bodies: Bodies, agent: Agent, experiment: Experiment) -> Pilot:
         agent,
         bodies.acting,
         bodies.practice,
+        seed=experiment.seed,
         touch_servo=experiment.execution.touch_servo,
     )
 

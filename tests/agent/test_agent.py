@@ -137,24 +137,6 @@ def test_a_plan_from_a_touch_begins_with_what_is_felt(agent, experience):
         agent.tour([start, goal], q_start=q[7], limits=(np.full(5, 50.0), np.full(5, 60.0)))
 
 
-def test_a_plan_that_may_start_anywhere_starts_where_steps_are_short(agent):
-    known, shorter = agent.representation, []
-    kernels = on_part(agent, 0, 8)
-    for start, goal in zip(kernels, kernels[::-1], strict=True):
-        members = known.kernel_q[known.members(start)].astype(float)
-        anywhere = agent.tour([start, goal])
-        assert anywhere.nodes[0] == start
-        moving = known.mode_joints[anywhere.modes[0]]
-        assert np.abs(members - anywhere.waypoints_q[0])[:, moving].max(axis=1).min() < 1e-5
-        given = [agent.tour([start, goal], q_start=q) for q in members[:10]]
-        cost = [
-            np.sum(np.linalg.norm(np.diff(known.scaled(plan.waypoints_q), axis=0), axis=1) ** 3)
-            for plan in (anywhere, *given)
-        ]
-        shorter.append(cost[0] <= np.median(cost[1:]))
-    assert np.mean(shorter) > 0.8
-
-
 def test_nothing_felt_needs_a_configuration(agent):
     assert agent.felt(np.zeros(120)) is None
     with pytest.raises(ValueError, match=r"^q_start is missing"):

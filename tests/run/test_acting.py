@@ -122,7 +122,7 @@ def test_the_touch_servo_holds_a_touch_that_is_lost_without_it(run, world):
 
 def test_the_experiment_switches_the_touch_servo_on(run, capsys):
     """The joints slip after babbling: what was learned leads beside the skin."""
-    output_of(capsys, "plan", run.path, "--from", 49, "--to", 20)
+    output_of(capsys, "plan", run.path, "--from", 39, "--to", 42)
     file = run.path / "experiment.yaml"
     slipped = file.read_text().replace("  offset: 0.0", "  offset: 0.06")
     for how in ((), ("--rehearse", 1)):
@@ -130,7 +130,7 @@ def test_the_experiment_switches_the_touch_servo_on(run, capsys):
         for servo in ("false", "true"):
             file.write_text(slipped.replace("touch_servo: false", f"touch_servo: {servo}"))
             run.rehearsal.unlink(missing_ok=True)
-            words = ("execute", run.path, "--from", 49, "--to", 20, *how)
+            words = ("execute", run.path, "--from", 39, "--to", 42, *how)
             status, out, err = output_of(capsys, *words)
             assert (status, err) == (0, "")
             contact.append(float(re.search(r"in contact: ([0-9.]+)%", out)[1]))
@@ -380,7 +380,7 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
 def test_before_practice_the_agent_has_followed_nothing(run, world, monkeypatch):
     agent = load_agent(run, predicts=True)
     query = pilot_of(agent, world).plan(3, 41)
-    blind = agent.tour([3, 41])
+    blind = agent.tour([3, 41], q_start=pilot_of(agent, world).start_of(3, 41))
     np.testing.assert_array_equal(query.unpractised.waypoints_q, blind.waypoints_q)
     # Its prediction asks no world: it is what the agent knows from stored touches.
     monkeypatch.setattr(world.probe, "touches", None)

@@ -65,7 +65,7 @@ class Planner:
 
     def plan(
         self,
-        q_start: np.ndarray | None,
+        q_start: np.ndarray,
         targets: Sequence[int | None],
         *,
         memory: RehearsalMemory | None = None,
@@ -82,9 +82,7 @@ class Planner:
         land first while the current ones hold still; then the current ones leave.
 
         Args:
-            q_start: `(J,)` positions of the joints at the start, in the robot's units. By default
-                those of a firm touch of the first target, from which steps along links are short;
-                if the plan begins otherwise, of the touch most like that target.
+            q_start: `(J,)` positions of the joints at the start, in the robot's units.
             targets: the target sensation felt at the start, None if nothing is felt; then one or
                 more to feel, in order. If a goal is felt already, the plan is to stay.
             memory: links that cost more, slides between touches, where all other steps are
@@ -97,18 +95,10 @@ class Planner:
                 range of experience, unless the start or a slide lies outside.
 
         Raises:
-            ValueError: a target is out of range, no goal is given, or `q_start` is missing or does
-                not fit the representation or the limits.
+            ValueError: a target is out of range, no goal is given, or `q_start` does not fit the
+                representation or the limits.
         """
-        known, anywhere = self.representation, q_start is None
-        if q_start is None:
-            if not targets or targets[0] is None or limits is not None:
-                raise ValueError(
-                    "q_start is missing: give joint positions if nothing is felt, or with limits"
-                )
-            members = known.members(checked_target(targets[0], known))
-            q_start = known.kernel_q[members][known.kernel_error[members].argmin()]
-        q_start = checked_configuration(q_start, known, limits)
+        q_start = checked_configuration(q_start, self.representation, limits)
         if len(targets) < 2:
             raise ValueError(
                 f"targets is {list(targets)}: give the target sensation felt now (or None), then "
@@ -119,12 +109,7 @@ class Planner:
         memory = memory or RehearsalMemory.blank(self.representation)
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
-        starts = None
-        if anywhere and here is not None and mode != NO_MODE:
-            graph = self._graphs[mode]
-            rows = memory.not_missed(graph.firm_row[graph.firm_kernel == here])
-            starts = self._rows_x[rows].astype(float)
-        way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode), starts)
+        way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode))
         if aside is not None and mode != NO_MODE:
             joints = self._joints(mode)
             out_of_the_way = aside.copy()
@@ -140,7 +125,7 @@ class Planner:
             if here != goal:
                 self._follow_links(way, here, goal, mode, memory)
             here = goal
-        return self._through(None if starts is not None else q_start, way, memory.slides, limits)
+        return self._through(q_start, way, memory.slides, limits)
 
     def _joints(self, mode: int) -> np.ndarray:
         """The joints that move in a mode."""
@@ -222,7 +207,7 @@ class Planner:
         way.follow(nodes[1:], links, layers, mode)
 
     def _through(
-        self, q_start: np.ndarray | None, way: Waypoints, slides: Slides, limits: Limits | None
+        self, q_start: np.ndarray, way: Waypoints, slides: Slides, limits: Limits | None
     ) -> Plan:
         """The smooth plan through the waypoints."""
         representation = self.representation
@@ -234,8 +219,7 @@ class Planner:
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, limits=limited)
         path.c = path.c / representation.joint_scale
         waypoints_q = waypoints_x / representation.joint_scale
-        if q_start is not None:
-            waypoints_q[0] = path.c[0] = q_start
+        waypoints_q[0] = path.c[0] = q_start
         return Plan(
             nodes=np.array(nodes),
             links=np.array(way.links, dtype=np.int64)[of_step],

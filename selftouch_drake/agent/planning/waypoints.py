@@ -24,12 +24,9 @@ class Waypoints:
         node: the kernel that is felt at the start.
         x: `(J,)` the scaled configuration there.
         joints: the joints that move from there on.
-        starts: `(n, J)` scaled, at any of which a plan along links may start instead.
     """
 
-    def __init__(
-        self, node: int, x: np.ndarray, joints: np.ndarray, starts: np.ndarray | None = None
-    ):
+    def __init__(self, node: int, x: np.ndarray, joints: np.ndarray):
         self.nodes = [node]
         self.in_air: list[bool] = []
         self.links: list[int] = []
@@ -37,8 +34,7 @@ class Waypoints:
         self.modes: list[int] = []
         #: Whether each waypoint stays as it is: a leg begins or ends there.
         self.kept = [True]
-        starts = x[None] if starts is None else starts
-        self._stretches = [(x, starts, joints, list[np.ndarray]())]
+        self._stretches = [(x, joints, list[np.ndarray]())]
 
     @property
     def end(self) -> np.ndarray:
@@ -54,7 +50,7 @@ class Waypoints:
         self.links += links
         self.modes += [mode] * len(nodes)
         self.kept += [False] * (len(nodes) - 1) + [True]
-        self._stretches[-1][3].extend(layers)
+        self._stretches[-1][2].extend(layers)
 
     def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
         """Adds a straight step of all joints to `x`; from there on, `joints` move."""
@@ -63,7 +59,7 @@ class Waypoints:
         self.links.append(-1)
         self.modes.append(NO_MODE)
         self.kept.append(True)
-        self._stretches.append((x, x[None], joints, []))
+        self._stretches.append((x, joints, []))
 
     def passed(
         self, slides: Slides, touch: TouchModel | None, limits: tuple[np.ndarray, np.ndarray]
@@ -99,18 +95,12 @@ class Waypoints:
         return nodes, np.array(of_step, dtype=int), np.array(waypoints), imagined
 
 
-def _chosen(
-    x: np.ndarray, starts: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]
-) -> np.ndarray:
-    """`(1 + layers, J)` configurations of a stretch, from one of its starts, or from x, on."""
-    if not layers:
-        return x[None]
-    moving = starts[:, joints].astype(np.float32)
-    chosen = smoothest_configurations([moving, *layers])
-    start = starts[(moving == chosen[0]).all(axis=1).argmax()]
-    passed = np.repeat(start[None], 1 + len(layers), axis=0)
-    passed[1:, joints] = chosen[1:]
-    return passed
+def _chosen(x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:
+    """`(1 + layers, J)` configurations of a stretch, from `(J,)` x on."""
+    chosen = np.repeat(x[None], 1 + len(layers), axis=0)
+    if layers:
+        chosen[1:, joints] = smoothest_configurations([x[joints][None], *layers])[1:]
+    return chosen
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
