@@ -137,8 +137,9 @@ def main() -> None:
     )
     parser.add_argument("--babybench", type=Path, help="the starter kit")
     parser.add_argument("--pycub", type=Path, help="the wheel, or the installed package's folder")
-    for name in ("shadow", "humanoid"):
-        parser.add_argument(f"--{name}", nargs="?", const=Path(), type=Path, help="of the models")
+    models = {"nargs": "?", "const": Path(), "type": Path, "help": "folder of the models"}
+    parser.add_argument("--shadow", **models)
+    parser.add_argument("--humanoid", **models)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--touches", type=int, help="of every body, to try it")
     parser.add_argument("--targets", type=int, help="of every body, to try it")
