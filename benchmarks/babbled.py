@@ -19,6 +19,14 @@ def babbled(path: Path, experiment: Experiment) -> RunDirectory:
     return run
 
 
+def learned(path: Path, experiment: Experiment) -> RunDirectory:
+    """As `babbled`, and it has learned."""
+    run = babbled(path, experiment)
+    if not stages.has_learned(run):
+        stages.learn(run)
+    return run
+
+
 def run_at(path: Path, num_samples: int) -> RunDirectory:
     """The run at a path; one that is missing is made, of the body and seed of its name.
 

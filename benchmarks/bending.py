@@ -15,20 +15,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from babbled import babbled
+from babbled import learned
 from joints import experiment_file
 from results import ROOT, add_update_option, results
 
 from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import run_bodies
 
 
-def learned(joints: int, seed: int, touches: int, way: str, options: Any) -> RunDirectory:
+def run_of(joints: int, seed: int, touches: int, way: str, options: Any) -> RunDirectory:
     """The run of these sizes, after learning; makes it if it is missing."""
     size = {
         "seed": seed,
@@ -36,10 +35,7 @@ def learned(joints: int, seed: int, touches: int, way: str, options: Any) -> Run
         "representation": {"num_targets": options.targets, "metric": "sensorimotor"},
     }
     experiment = load_experiment(experiment_file(options.out, joints), size)
-    run = babbled(options.out / f"run_{joints}_{way}_{touches}_{seed}", experiment)
-    if not stages.has_learned(run):
-        stages.learn(run)
-    return run
+    return learned(options.out / f"run_{joints}_{way}_{touches}_{seed}", experiment)
 
 
 def contacts(run: RunDirectory, num_pairs: int) -> dict[str, float]:
@@ -79,7 +75,7 @@ def main() -> None:
     ]
     with results("bending", update=options.update) as add:
         for joints, seed, touches, way in cases:
-            run = learned(joints, seed, touches, way, options)
+            run = run_of(joints, seed, touches, way, options)
             row: dict[str, Any] = {"joints": joints, "seed": seed, "touches": touches}
             row |= {"way": way, "targets": options.targets, "pairs": options.pairs}
             row |= contacts(run, options.pairs)

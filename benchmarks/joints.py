@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from babbled import babbled
+from babbled import learned
 from matplotlib.figure import Figure
 from results import add_update_option, results
 
@@ -98,9 +98,7 @@ def measured(num_joints: int, arguments: argparse.Namespace) -> Metrics:
         "evaluation": {"num_pairs": arguments.pairs},
     }
     experiment = load_experiment(experiment_file(arguments.out, num_joints), size)
-    run = babbled(arguments.out / f"run_{num_joints}", experiment)
-    if not stages.has_learned(run):
-        stages.learn(run)
+    run = learned(arguments.out / f"run_{num_joints}", experiment)
     if "execution_contact_mean" not in run.metrics():
         stages.evaluate(run)
     return run.metrics()

@@ -357,7 +357,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of all that is random in a method")
     add_update_option(parser, "rivals")
     options = parser.parse_args()
-    # Some packages start as many threads as there are cores, whatever they are told.
+    # Some packages start as many threads as there are cores, whatever they are asked for.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     rows = []
     with results("rivals", update=options.update) as add, warnings.catch_warnings():

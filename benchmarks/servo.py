@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from babbled import babbled
+from babbled import learned
 from results import add_update_option, results
 
 from selftouch_drake.agent.pilot import executed
@@ -122,9 +122,7 @@ def main() -> None:
     }
     with results("servo", update=arguments.update) as add:
         for name in arguments.experiments:
-            run = babbled(arguments.out / name, load_experiment(name, size))
-            if not stages.has_learned(run):
-                stages.learn(run)
+            run = learned(arguments.out / name, load_experiment(name, size))
             for row in rows(run, arguments.pairs):
                 add(row)
                 print(" | ".join(map(str, row.values())), flush=True)

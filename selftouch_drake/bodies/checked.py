@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 #: Fewest receptors from which anything can be learned.
 _FEWEST_RECEPTORS = 4
 
-#: Configurations per call of a body that jumps; another is asked for one at a time, so that a
+#: Configurations per call of a body that jumps. A body that travels gets one per call, so that a
 #: time-out is that of one posture.
 _AT_ONCE = 256
 

@@ -360,7 +360,7 @@ def _read_text(path: Path, delimiter: str | None) -> pa.Table:
 def _upright(
     q: list[np.ndarray], readings: list[np.ndarray]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Arrays with one row for each instant, of which there are more than joints or receptors."""
+    """Arrays with one row for each instant: there are more instants than joints or receptors."""
     if len(q) > 1 or len(readings) > 1 or len(q[0]) == len(readings[0]):
         return q, readings
     for a, b in ((q[0].T, readings[0]), (q[0], readings[0].T), (q[0].T, readings[0].T)):

@@ -18,8 +18,8 @@ def read_touches(
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Touches of a run, or of a recording, evenly taken if there are more than `most`.
 
-    A recording is read by `read_data`, with arguments of which a run takes none. Returns `(n, J)`
-    motor configurations, `(n, S)` sensations and S names of receptors.
+    The source is a run, or what `read_data` reads with the other arguments. Returns `(n, J)` motor
+    configurations, `(n, S)` sensations and S names of receptors.
 
     Raises:
         ValueError: there are no touches, or a run is given arguments of a recording.

@@ -172,9 +172,8 @@ class OnlineLearner:
         num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
-        targets = common_targets(
-            felt[known], num_targets, together.overlap, together.chance, or_fewer=True
-        )
+        overlap = together.overlap
+        targets = common_targets(felt[known], num_targets, overlap, together.chance, or_fewer=True)
         if self.knows:
             # Each takes the number of the most similar old one; further ones come last.
             before, now = linear_sum_assignment(-(self._targets @ targets.T))
@@ -192,7 +191,7 @@ class OnlineLearner:
             mode=np.where(together.double, NO_MODE, held.columns["mode"][of]),
         )
         self._targets, self._together = targets, together
-        self._part = kernel_parts(targets, together.overlap)
+        self._part = kernel_parts(targets, overlap)
         some = np.unique(touch[known])
         self._joint_scale = joint_scale(q[some], sensation[some])
         self._reach = float(error[known].max())

@@ -184,8 +184,9 @@ def _quantised(
         )
     columns = some.sample().columns
     together = receptors_together(columns["sensation"])
+    felt = pooled(columns["sensation"], together.pool)
     row, sensation, left_out = together.places(columns["sensation"])
-    expected = expected_readings(columns["sensation"], together)
+    expected = expected_readings(felt, together)
     sensation = _as_compared(sensation[~left_out], expected)
     kept = np.unique(row[~left_out])
     if not len(kept):
@@ -193,9 +194,9 @@ def _quantised(
             "sensation has touches on several parts of the body in every row: babble until "
             "each part is touched alone"
         )
-    whole, q = pooled(columns["sensation"][kept], together.pool), columns["q"][kept]
+    whole, q = _as_compared(felt[kept], expected), columns["q"][kept]
     with thread_pool(1) as beside:
-        scaling = beside.submit(joint_scale, q, _as_compared(whole, expected))
+        scaling = beside.submit(joint_scale, q, whole)
         targets = common_targets(sensation, num_targets, together.near, together.chance)
     return targets, scaling.result(), together, expected, some.num_rows
 
@@ -285,8 +286,8 @@ def common_targets(
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
     So targets with hardly any touches, for their part, are dropped with their touches. If not
-    `chance`, this does nothing. `near`, `(S, S)` as of `Together`, tells parts. The rest is as of
-    `target_sensations`.
+    `chance`, this does nothing. Parts follow from `(S, S)` `near`; it and `chance` are as of
+    `Together`, all else is as of `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)

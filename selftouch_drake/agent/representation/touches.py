@@ -50,8 +50,8 @@ _ALONE, _ELSEWHERE = 0.25, 0.66
 #: touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.3 %.
 _MOST_BY_CHANCE = 0.05
 
-#: More receptors than this are pooled: few touches are felt by the same ones. Those of one pool are
-#: nearer than this, in one less the share of their touches, over the geometric mean of theirs.
+#: More receptors than this are pooled: few touches are felt by the same ones. For two of one pool,
+#: one minus the share of their touches (over the geometric mean) is below the second number.
 _MOST_POOLS, _MOST_APART = 1000, 0.9999
 
 
@@ -144,24 +144,25 @@ def receptors_together(sensation: np.ndarray) -> Together:
     one_part = _of_one_part(overlap)
     near = overlap | ((_shared(felt)[0] >= _LEAST_NEAR) & one_part)
     binary = bool(((sensation == 0) | (sensation == np.max(sensation))).all())
-    several = Together(overlap, True, double, binary, pool).places(sensation)[2]
-    of_parts = Together(overlap, False, double, binary, pool).places(sensation)[2]
+    each = np.arange(len(overlap))
+    several = Together(overlap, True, double, binary, each).places(felt)[2]
+    of_parts = Together(overlap, False, double, binary, each).places(felt)[2]
     # Two hands with skin may touch so near to each other that no touch shows that there are two.
     chance = (double or several.any()) and np.mean(several & ~of_parts) < _MOST_BY_CHANCE
     return Together(near, bool(chance), double, binary, pool)
 
 
-def expected_readings(sensation: np.ndarray, together: Together) -> np.ndarray | None:
+def expected_readings(felt: np.ndarray, together: Together) -> np.ndarray | None:
     """`(P, P)` by which what pools feel is multiplied before it is compared; None if it is not.
 
     If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
     more or less alike. So each receptor stands for what is felt on average when it feels something,
     twice over: over receptors two neighbours away. Pools of forces do so once: touches of
-    neighbouring kernels may share no receptor. `(n, S)` N sensations are unselected.
+    neighbouring kernels may share no receptor. `(n, P)` N is what pools feel, unselected.
     """
     if not together.binary and len(together.pool) <= _MOST_POOLS:
         return None
-    touched = (pooled(sensation, together.pool) > 0).astype(np.float32)
+    touched = (felt > 0).astype(np.float32)
     shared = np.where(_of_one_part(together.near), touched.T @ touched, 0.0).astype(np.float32)
     share = shared / np.maximum(np.diag(shared), 1.0)[:, None]
     np.fill_diagonal(share, 1.0)  # a receptor that felt nothing yet stands for itself

@@ -54,8 +54,8 @@ def corrected_lengths(
     """Lengths of edges that explain the angles between the sensations of their ends.
 
     The first estimate of the lengths, `(E,)`, is positive; `(E, 2)` edges connect all nodes; `(N,)`
-    is the kernel of each node, of which one may have several; `(K, S)` targets have unit L2 norm;
-    the skin has 1 or 2 dimensions. None where the model does not explain what is felt.
+    is the kernel of each node, and a kernel may have several nodes; `(K, S)` targets have unit L2
+    norm; the skin has 1 or 2 dimensions. None where the model does not explain what is felt.
     """
     # Pieces of one kernel share its sensation, which belongs to none of their places.
     whole = np.bincount(kernel)[kernel] == 1

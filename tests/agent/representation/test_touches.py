@@ -75,7 +75,7 @@ def test_many_receptors_are_pooled_by_what_they_feel():
     np.testing.assert_array_equal(together.receptors(sensation, row, felt), sensation)
     assert not aside.any()
     # Touches are compared over their neighbourhood: farther than a field reaches.
-    compared = felt @ expected_readings(sensation, together)
+    compared = felt @ expected_readings(felt, together)
     first = np.flatnonzero(ring == 0)
     near, far = (first[np.argmin(np.abs(place[first] - there))] for there in (0.525, 0.75))
     here = first[np.argmin(np.abs(place[first] - 0.5))]
