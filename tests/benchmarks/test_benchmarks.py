@@ -66,6 +66,7 @@ SMALL: dict[str, list[str]] = {
         "--out={tmp}/t",
     ],
     "causes": ["{tmp}/sphere_1", "--touches=20000"],
+    "layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
     "cluster": ["{run}"],
     "foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
     "calibration": ["--seeds=1", "--out={tmp}/table.md"],

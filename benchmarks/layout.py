@@ -1,0 +1,92 @@
+"""What the layout of real receptors costs, beside as many spread evenly over the same skins.
+
+    python benchmarks/layout.py icub_skin --touches 20000 --targets 300 --seeds 1 2
+
+Even receptors lie where the fields of the real ones reach, each as far as possible from the others.
+Errors are from the surface, in percent of a skin's size: the mean of all skins, each weighted by
+its kernels, and that of each skin.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from babbled import learned
+from results import add_update_option, results
+
+from selftouch_drake.evaluation.shape import kernel_truth, parts_on_skins, shape_errors
+from selftouch_drake.experience.store import ExperienceReader
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.files import write_csv
+from selftouch_drake.geometry.farthest import farthest_points
+from selftouch_drake.geometry.receptors import ReceptiveFields
+from selftouch_drake.robot import World
+from selftouch_drake.run import stages
+from selftouch_drake.run.artifacts import load_body, load_representation
+from selftouch_drake.run.directory import RunDirectory
+
+
+def spread_evenly(fields: ReceptiveFields) -> np.ndarray:
+    """`(S, 3)` m, places for as many receptors, on vertices that the fields reach."""
+    reached = fields.vertices[np.diff(fields.vertex_weights.indptr) > 0]
+    chosen = farthest_points(
+        lambda vertex: np.linalg.norm(reached - reached[vertex], axis=1), fields.num_receptors
+    )
+    return reached[chosen]
+
+
+def row(run: RunDirectory) -> dict[str, Any]:
+    """The errors of what a run recovered."""
+    known = load_representation(run)
+    world = stages.make_world(run)
+    contacts = ExperienceReader(run.truth).take_contacts(known.kernel_row)
+    truth = kernel_truth(known, contacts, world.receptor_skin)
+    truth = truth.on_surface([skin.fields for skin in world.skins])
+    errors = shape_errors(load_body(run, known).positions, known.part, truth)
+    size = {skin: len(here) for skin, here in parts_on_skins(known.part, truth).items()}
+    mean = np.average([*errors.values()], weights=[size[skin] for skin in errors])
+    by_skin = {world.skins[skin].name: error for skin, error in errors.items()}
+    return {
+        "parts": known.num_parts,
+        "error": round(100 * mean, 1),
+        "by_skin": "; ".join(f"{skin} {error:.1%}" for skin, error in by_skin.items()),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("experiment", help="such as icub_skin")
+    parser.add_argument("--touches", type=int, default=20_000)
+    parser.add_argument("--targets", type=int, default=300)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--out", type=Path, default=Path("build/layout"), help="folder of the runs")
+    add_update_option(parser, "layout")
+    given = parser.parse_args()
+    sizes = {
+        "babbling": {"num_samples": given.touches},
+        "representation": {"num_targets": given.targets},
+    }
+    even = {}
+    for skin in World(load_experiment(given.experiment)).skins:
+        file = given.out.resolve() / f"{skin.name}.csv"
+        write_csv(file, "xyz", spread_evenly(skin.fields).tolist())
+        even[skin.name] = {"receptors": str(file)}
+    with results("layout", update=given.update) as add:
+        for seed in given.seeds:
+            for layout, skins in {"real": {}, "even": even}.items():
+                experiment = load_experiment(
+                    given.experiment, sizes | {"seed": seed, "skins": skins}
+                )
+                name = f"{experiment.name}_{layout}_{seed}"
+                found = {"layout": layout, "seed": seed} | row(
+                    learned(given.out / name, experiment)
+                )
+                add(found)
+                print(*found.values(), flush=True)
+
+
+if __name__ == "__main__":
+    main()
