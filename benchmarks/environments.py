@@ -1,25 +1,32 @@
 """Steps per second of Gymnasium environments, one copy and several. Run it as a script.
 
 Beside them is MuJoCo's humanoid, if `gymnasium[mujoco]` is installed. A step of the humanoid is
-0.015 s of its time, one of ours 0.05 s: the last column compares them.
+0.015 s of its time, one of ours 0.05 s: the last column compares them. Of robots without dynamics
+(`...Kinematic-v0`) each copy is a process of 64.
 """
 
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AsyncVectorEnv
 
-from selftouch_drake import envs
+import selftouch_drake.envs
 
 HUMANOID = "Humanoid-v5"
+KINEMATIC = "Kinematic-v0"
+#: Robots in one process.
+TOGETHER = 64
 # What a step costs is the robot's; only `Slide` looks more often, and one of it shows that.
 MEASURED = [
     *(f"SelfTouch/{robot}-v0" for robot in ("Torus", "Cube", "Sphere", "TwoArms", "Infant")),
     "SelfTouch/CubeSlide-v0",
+    *(f"SelfTouch/{robot}{KINEMATIC}" for robot in ("Torus", "TorusReach", "Infant")),
 ]
 
 
@@ -32,6 +39,10 @@ def actions(space: gymnasium.spaces.Box, num_steps: int) -> np.ndarray:
 
 def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
     """Steps per second of all copies together, without building and resetting them."""
+    if name.endswith(KINEMATIC):
+        with ProcessPoolExecutor(num_copies, multiprocessing.get_context("spawn")) as executor:
+            rates = executor.map(kinematic_rate, [name] * num_copies, [num_steps] * num_copies)
+            return sum(rates)
     copies = AsyncVectorEnv([lambda: gymnasium.make(name)] * num_copies)
     try:
         copies.reset(seed=0)
@@ -45,10 +56,24 @@ def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
         copies.close()
 
 
+def kinematic_rate(name: str, num_steps: int) -> float:
+    """Steps per second of robots without dynamics, with random actions."""
+    robots = gymnasium.make_vec(name, num_envs=TOGETHER)
+    robots.reset(seed=0)
+    size = (num_steps, *robots.action_space.shape)
+    chosen = np.random.default_rng(0).uniform(-1.0, 1.0, size).astype(np.float32)
+    robots.step(chosen[0])
+    began = time.perf_counter()
+    for action in chosen:
+        robots.step(action)
+    return TOGETHER * num_steps / (time.perf_counter() - began)
+
+
 def step_s(name: str) -> float:
     """s of simulated time per step of an environment."""
-    env = gymnasium.make(name)
-    found = env.unwrapped.period_s if name in envs.environments() else env.unwrapped.dt
+    env = gymnasium.make(name.replace(KINEMATIC, "-v0"))
+    ours = name.startswith("SelfTouch/")
+    found = env.unwrapped.period_s if ours else env.unwrapped.dt
     env.close()
     return float(found)
 
