@@ -57,6 +57,13 @@ def test_an_agent_in_a_diagram_feels_what_is_wanted():
     assert felt == wanted
 
 
+def test_plans_reach_what_a_policy_is_still_learning_to_reach():
+    pytest.importorskip("stable_baselines3")
+    in_the_end, ever, planned = run("learn_to_reach", 5.0, 20)
+    assert in_the_end <= ever < 0.5
+    assert planned > 0.9
+
+
 def lines_of_glue(name):
     """Lines of an example that are not blank, up to its `main`."""
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").partition("\ndef main")[0]
