@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AsyncVectorEnv
 
-import selftouch_drake.envs
+from selftouch_drake import envs
 
 HUMANOID = "Humanoid-v5"
 KINEMATIC = "Kinematic-v0"
@@ -71,9 +71,9 @@ def kinematic_rate(name: str, num_steps: int) -> float:
 
 def step_s(name: str) -> float:
     """s of simulated time per step of an environment."""
-    env = gymnasium.make(name.replace(KINEMATIC, "-v0"))
-    ours = name.startswith("SelfTouch/")
-    found = env.unwrapped.period_s if ours else env.unwrapped.dt
+    name = name.replace(KINEMATIC, "-v0")
+    env = gymnasium.make(name)
+    found = env.unwrapped.period_s if name in envs.environments() else env.unwrapped.dt
     env.close()
     return float(found)
 

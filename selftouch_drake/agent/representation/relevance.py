@@ -167,7 +167,7 @@ def touch_modes(
         given = _modes_of(expected, rows, modes)
         mode[rows] = np.where(given == NO_MODE, NO_MODE, given + len(relevant))
         relevant = np.concatenate([relevant, modes[:, : sets.x.shape[1]]])
-    return _numbered(_without_mistakes(mode, kernel), relevant)
+    return _numbered(likely_modes(mode, kernel), relevant)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -308,7 +308,7 @@ def _modes_of(expected: _Expectation, rows: np.ndarray, modes: np.ndarray) -> np
     return np.where(least < _SURE * second, error.argmin(axis=0), NO_MODE)
 
 
-def _without_mistakes(mode: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+def likely_modes(mode: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """`(R,)` the modes, unknown where hardly any other touch of the same kernel has the same."""
     known = np.flatnonzero(mode != NO_MODE)
     of_mode = kernel[known] * (int(mode.max()) + 1) + mode[known]

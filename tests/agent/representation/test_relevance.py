@@ -9,6 +9,7 @@ from skins import on_sphere, readings, receptors
 from selftouch_drake.agent.planning.planner import Planner
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.quotient import NO_MODE, mattering
+from selftouch_drake.agent.representation.relevance import likely_modes
 
 LEFT, RIGHT = slice(0, 3), slice(3, 6)
 NUM_ROWS = 40_000
@@ -59,6 +60,16 @@ def test_of_an_unknown_mode_all_joints_count():
     x = np.array([[1.0, 2.0], [3.0, 6.0]])
     found = mattering(x, np.array([NO_MODE, 0]), np.array([[True, False]]))
     assert found.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+def test_a_mode_that_hardly_any_touch_of_a_kernel_has_is_a_mistake_there():
+    kernel = np.repeat([0, 1], 100)
+    mode = np.where(np.arange(200) < 4, 1, 0)
+    mode[100:140], mode[50:60] = 1, NO_MODE
+    found = likely_modes(mode, kernel)
+    assert (found[:4] == NO_MODE).all()
+    assert np.array_equal(found[4:], mode[4:])
+    assert np.array_equal(likely_modes(np.full(5, NO_MODE), kernel[:5]), np.full(5, NO_MODE))
 
 
 def test_where_one_hand_moves_all_its_joints_matter():
