@@ -11,6 +11,7 @@ on which joints the prediction depends. These differ between touches: each touch
 few modes, and each mode has its own set of joints that matter.
 """
 
+import operator
 from dataclasses import dataclass
 from functools import partial
 
@@ -23,15 +24,21 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 from selftouch_drake.agent.representation.set_distances import linked_nearest
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
-#: sensations), and training steps in each of two lessons, with configurations per step. Many
-#: small steps teach more at first; large steps separate the modes better in the second lesson.
+#: sensations), and training steps in each of three lessons, with configurations per step. Many
+#: small steps teach more at first; large steps separate the modes better later.
 _HIDDEN = (128, 128, 128)
 _MOST_OUTPUTS = 24
-_LESSONS = ((360, 1024), (900, 2048))
+_LESSONS = ((360, 1024), (900, 2048), (1600, 2048))
 
 #: The second lesson is skipped if the mean squared error on every part is below this share of the
-#: variance. This holds for one body touched by one arm with six joints.
+#: variance, the third if the mean of all parts is. The first holds for one body touched by one arm
+#: with six joints, the second for two arms and an infant, but not for an iCub.
 _WELL_LEARNED = 0.35
+
+#: If that mean stays above the first, training was stuck, which is luck: it was with five of nine
+#: networks on two iCubs' touches. Then another network is tried, and the best is kept. Above the
+#: second, a third lesson does not help.
+_STUCK, _HOPELESS, _MOST_NETWORKS = 0.7, 0.95, 3
 
 #: Fewest configurations per training step: with little data, more steps only overfit.
 _ROWS_A_STEP = 32
@@ -52,8 +59,9 @@ _MOST_MODES = 6
 _FEW = 50
 
 #: Modes are accepted if this share of the configurations clearly belongs to one of them: measured
-#: 0.93 to 0.98 with two arms, at most 0.66 where too little was learned and there is one mode.
-_MOSTLY = 0.8
+#: 0.93 to 0.98 with two arms, 0.76 on an iCub's thighs, at most 0.66 where too little was learned
+#: and there is one mode.
+_MOSTLY = 0.72
 
 #: A mode that a smaller share of a kernel's touches has is a mistake there: plans would expect a
 #: hand where it never was. Measured on the infant, seeds 5 and 6: of 105 such modes of kernels 78
@@ -135,8 +143,8 @@ def touch_modes(
     kernel = sets.kernel
     of_part = part[kernel]
     rng = np.random.default_rng(seed)
-    tested = {}
-    for number in np.flatnonzero(np.bincount(part) >= LEAST_KERNELS):
+    tested: dict[int, np.ndarray] = {}
+    for number in np.flatnonzero(np.bincount(part) >= LEAST_KERNELS).tolist():
         rows = np.flatnonzero(of_part == number)
         if len(rows) >= _FEWEST:
             tested[number] = rng.permutation(rows)[: min(_NUM_TESTED, len(rows) // 5)]
@@ -158,9 +166,13 @@ def touch_modes(
     outputs = felt @ axes[:_MOST_OUTPUTS].T
     spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=sizes))
     outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
-    network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
-    expected = _Expectation(network, x, kernel, outputs, rng)
-    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()])
+    tries: list[tuple[float, _Expectation]] = []
+    while len(tries) < _MOST_NETWORKS and (not tries or tries[-1][0] > _STUCK):
+        network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
+        expected = _Expectation(network, x, kernel, outputs, rng)
+        error = _learn(expected, of_part, np.flatnonzero(~held_out), tested)
+        tries.append((error, expected))
+    _, expected = min(tries, key=operator.itemgetter(0))
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
         modes = _modes(expected, some)
@@ -209,9 +221,12 @@ def _learn(
     expected: _Expectation,
     of_part: np.ndarray,
     trained: np.ndarray,
-    tested: list[np.ndarray],
-) -> None:
-    """Trains the network on some rows, until it predicts the tested rows of each part well."""
+    tested: dict[int, np.ndarray],
+) -> float:
+    """Trains the network on some rows, until it predicts the tested rows of each part well.
+
+    Returns its mean squared error there over the variance: the mean of all parts, by their rows.
+    """
     # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely touched
     # parts are also learned.
     by_part = trained[np.argsort(of_part[trained], kind="stable")]
@@ -227,7 +242,7 @@ def _learn(
 
     x, none = expected.x, np.zeros(expected.x.shape[1], dtype=bool)
     affordable = min(sum(steps for steps, _ in _LESSONS), len(x) // _ROWS_A_STEP)
-    done = 0
+    weights, done, error = np.bincount(of_part)[[*tested]], 0, np.inf
     for most_steps, count in _LESSONS:
         num_steps = min(most_steps, affordable - done)
         train(
@@ -237,12 +252,16 @@ def _learn(
             toward(expected.outputs, expected.kernel),
             num_steps,
         )
-        done += num_steps
-        if done == affordable or all(
-            expected.error(rows, none).mean() < _WELL_LEARNED * expected.by_chance(rows)
-            for rows in tested
-        ):
+        first_lesson, done = not done, done + num_steps
+        errors = [
+            expected.error(rows, none).mean() / max(expected.by_chance(rows), 1e-12)
+            for rows in tested.values()
+        ]
+        error = float(np.average(errors, weights=weights))
+        enough = (max(errors) if first_lesson else error) < _WELL_LEARNED
+        if enough or done == affordable or (not first_lesson and error > _HOPELESS):
             break
+    return error
 
 
 def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
