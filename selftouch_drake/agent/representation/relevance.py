@@ -20,7 +20,7 @@ import numpy as np
 from selftouch_drake.agent.network import Network, standardised, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quantise import clusters, unit
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE, row_joints
 from selftouch_drake.agent.representation.set_distances import linked_nearest
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
@@ -270,14 +270,16 @@ def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
     Configurations are clustered by how much each joint changes the prediction there. A first guess
     of a mode is the joints that matter to a cluster at least half as much as to any other. Each
     configuration is then assigned to a mode, and the joints that matter are found again. The number
-    of modes rises as long as no set of joints contains another: configurations between two modes
-    need the joints of both. Modes that leave many configurations unassigned are rejected.
+    of modes rises as long as no set of joints contains another (configurations between two modes
+    need the joints of both), and fewer joints matter to a configuration than before. Modes that
+    leave many configurations unassigned are rejected.
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
     now = expected.network(expected.x[rows])
     change = np.sqrt([expected.off(rows, joint, now) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
     found = _matter(_costs(expected, rows)[None])
+    fewest = float(found.sum())
     for count in range(2, _MOST_MODES + 1):
         cluster = clusters(np.log(share + 1e-3), count)
         cost = np.array([_costs(expected, rows[cluster == c]) for c in range(count)])
@@ -288,9 +290,10 @@ def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
             break
         cost = np.array([_costs(expected, rows[given == m]) for m in range(count)])
         sets = _matter(cost)
-        if _contained(sets):
+        many = row_joints(given, sets).sum(axis=1).mean()
+        if _contained(sets) or many >= fewest:
             break
-        found = sets
+        found, fewest = sets, many
     return found
 
 
