@@ -2,9 +2,10 @@
 
     python benchmarks/layout.py icub_skin --touches 20000 --targets 300 --seeds 1 2
 
-Even receptors lie where the fields of the real ones reach, each as far as possible from the others.
-Errors are from the surface, in percent of a skin's size: the mean of all skins, each weighted by
-its kernels, and that of each skin.
+Even receptors lie on the convex hull of the real ones, where their fields reach, each as far as
+possible from the others; their fields are as wide. Errors are from the surface, in percent of a
+skin's size: the mean of the skins whose shape was recovered, each weighted by its kernels, and that
+of each of them.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from babbled import learned
 from results import add_update_option, results
+from scipy.spatial import cKDTree
 
 from selftouch_drake.evaluation.shape import kernel_truth, parts_on_skins, shape_errors
 from selftouch_drake.experience.store import ExperienceReader
@@ -30,12 +33,14 @@ from selftouch_drake.run.directory import RunDirectory
 
 
 def spread_evenly(fields: ReceptiveFields) -> np.ndarray:
-    """`(S, 3)` m, places for as many receptors, on vertices that the fields reach."""
-    reached = fields.vertices[np.diff(fields.vertex_weights.indptr) > 0]
+    """`(S, 3)` m, places for as many receptors as these fields are of."""
+    hull = trimesh.convex.convex_hull(fields.p_LS).subdivide_to_size(fields.radius / 2)
+    reached = cKDTree(fields.p_LS).query(hull.vertices)[0] <= fields.radius
+    places = np.array(hull.vertices[reached])
     chosen = farthest_points(
-        lambda vertex: np.linalg.norm(reached - reached[vertex], axis=1), fields.num_receptors
+        lambda place: np.linalg.norm(places - places[place], axis=1), fields.num_receptors
     )
-    return reached[chosen]
+    return places[chosen]
 
 
 def row(run: RunDirectory) -> dict[str, Any]:
@@ -47,10 +52,12 @@ def row(run: RunDirectory) -> dict[str, Any]:
     truth = truth.on_surface([skin.fields for skin in world.skins])
     errors = shape_errors(load_body(run, known).positions, known.part, truth)
     size = {skin: len(here) for skin, here in parts_on_skins(known.part, truth).items()}
-    mean = np.average([*errors.values()], weights=[size[skin] for skin in errors])
+    weighed = sum(size[skin] * error for skin, error in errors.items())
+    mean = weighed / sum(size[skin] for skin in errors) if errors else np.nan
     by_skin = {world.skins[skin].name: error for skin, error in errors.items()}
     return {
         "parts": known.num_parts,
+        "skins": len(errors),
         "error": round(100 * mean, 1),
         "by_skin": "; ".join(f"{skin} {error:.1%}" for skin, error in by_skin.items()),
     }
@@ -71,8 +78,9 @@ def main() -> None:
     }
     even = {}
     for skin in World(load_experiment(given.experiment)).skins:
-        file = given.out.resolve() / f"{skin.name}.csv"
-        write_csv(file, "xyz", spread_evenly(skin.fields).tolist())
+        file = given.out.resolve() / f"{given.experiment}_{skin.name}.csv"
+        places = spread_evenly(skin.fields).tolist()
+        write_csv(file, ["x", "y", "z", "width"], [[*p, skin.fields.radius] for p in places])
         even[skin.name] = {"receptors": str(file)}
     with results("layout", update=given.update) as add:
         for seed in given.seeds:
