@@ -2,7 +2,7 @@
 
 Beside them is MuJoCo's humanoid, if `gymnasium[mujoco]` is installed. A step of the humanoid is
 0.015 s of its time, one of ours 0.05 s: the last column compares them. Of robots without dynamics
-(`...Kinematic-v0`) each copy is a process of 64.
+(`...Kinematic-v0`) each copy is a process with 64 of them.
 """
 
 from __future__ import annotations
@@ -57,11 +57,10 @@ def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
 
 
 def kinematic_rate(name: str, num_steps: int) -> float:
-    """Steps per second of robots without dynamics, with random actions."""
+    """Steps per second of robots without dynamics in this process."""
     robots = gymnasium.make_vec(name, num_envs=TOGETHER)
     robots.reset(seed=0)
-    size = (num_steps, *robots.action_space.shape)
-    chosen = np.random.default_rng(0).uniform(-1.0, 1.0, size).astype(np.float32)
+    chosen = actions(robots.action_space, num_steps)
     robots.step(chosen[0])
     began = time.perf_counter()
     for action in chosen:

@@ -58,7 +58,7 @@ def test_an_agent_in_a_diagram_feels_what_is_wanted():
 
 
 def test_plans_reach_what_a_policy_is_still_learning_to_reach():
-    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("stable_baselines3", reason="a large package, with torch")
     in_the_end, ever, planned = run("learn_to_reach", 5.0, 20)
     assert in_the_end <= ever < 0.5
     assert planned > 0.9

@@ -31,13 +31,13 @@ _MOST_OUTPUTS = 24
 _LESSONS = ((360, 1024), (900, 2048), (1600, 2048))
 
 #: The second lesson is skipped if the mean squared error on every part is below this share of the
-#: variance, the third if the mean of all parts is. The first holds for one body touched by one arm
-#: with six joints, the second for two arms and an infant, but not for an iCub.
+#: variance, as with one arm of six joints on one body; the third if the mean over all parts is, as
+#: with two arms and an infant, but not with an iCub.
 _WELL_LEARNED = 0.35
 
-#: If that mean stays above the first, training was stuck, which is luck: it was with five of nine
-#: networks on two iCubs' touches. Then another network is tried, and the best is kept. Above the
-#: second, a third lesson does not help.
+#: The third lesson is also skipped if the mean over all parts is above `_HOPELESS`. If it stays
+#: above `_STUCK` although there were touches for two lessons, another network is tried, and the
+#: best is kept: of nine networks on the touches of two iCubs five learned little, by chance.
 _STUCK, _HOPELESS, _MOST_NETWORKS = 0.7, 0.95, 3
 
 #: Fewest configurations per training step: with little data, more steps only overfit.
@@ -63,9 +63,9 @@ _FEW = 50
 #: and there is one mode.
 _MOSTLY = 0.72
 
-#: A mode that a smaller share of a kernel's touches has is a mistake there: plans would expect a
-#: hand where it never was. Measured on the infant, seeds 5 and 6: of 105 such modes of kernels 78
-#: are of another hand, of 29 with up to twice this share 4.
+#: Least share of a kernel's touches of known mode that a mode has. Rarer ones are mostly mistakes,
+#: by which plans expect a hand where it never was: on the infant, seeds 5 and 6, 78 of 105 were,
+#: and of 29 with up to twice this share 4.
 _MISTAKES = 0.05
 
 #: Thresholds on the permutation importance of a joint, relative to the most important joint. Below
@@ -167,7 +167,8 @@ def touch_modes(
     spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=sizes))
     outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
     tries: list[tuple[float, _Expectation]] = []
-    while len(tries) < _MOST_NETWORKS and (not tries or tries[-1][0] > _STUCK):
+    by_chance = len(x) >= _ROWS_A_STEP * sum(steps for steps, _ in _LESSONS[:2])
+    while not tries or (by_chance and tries[-1][0] > _STUCK and len(tries) < _MOST_NETWORKS):
         network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
         expected = _Expectation(network, x, kernel, outputs, rng)
         error = _learn(expected, of_part, np.flatnonzero(~held_out), tested)
@@ -223,9 +224,10 @@ def _learn(
     trained: np.ndarray,
     tested: dict[int, np.ndarray],
 ) -> float:
-    """Trains the network on some rows, until it predicts the tested rows of each part well.
+    """Trains the network on some rows, in up to three lessons.
 
-    Returns its mean squared error there over the variance: the mean of all parts, by their rows.
+    Returns its mean squared error on the tested rows over the variance: the mean of all parts, by
+    their rows.
     """
     # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely touched
     # parts are also learned.
@@ -331,7 +333,7 @@ def _modes_of(expected: _Expectation, rows: np.ndarray, modes: np.ndarray) -> np
 
 
 def likely_modes(mode: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """`(R,)` the modes, unknown where hardly any other touch of the same kernel has the same."""
+    """`(R,)` modes of touches of kernels `(R,)`, unknown where they are rare in their kernel."""
     known = np.flatnonzero(mode != NO_MODE)
     of_mode = kernel[known] * (int(mode.max()) + 1) + mode[known]
     share = np.bincount(of_mode)[of_mode] / np.bincount(kernel[known])[kernel[known]]
