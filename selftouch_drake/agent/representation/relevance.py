@@ -11,7 +11,6 @@ on which joints the prediction depends. These differ between touches: each touch
 few modes, and each mode has its own set of joints that matter.
 """
 
-import operator
 from dataclasses import dataclass
 from functools import partial
 
@@ -20,25 +19,19 @@ import numpy as np
 from selftouch_drake.agent.network import Network, standardised, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quantise import clusters, unit
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE, row_joints
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 from selftouch_drake.agent.representation.set_distances import linked_nearest
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
-#: sensations), and training steps in each of three lessons, with configurations per step. Many
-#: small steps teach more at first; large steps separate the modes better later.
+#: sensations), and training steps in each of two lessons, with configurations per step. Many
+#: small steps teach more at first; large steps separate the modes better in the second lesson.
 _HIDDEN = (128, 128, 128)
 _MOST_OUTPUTS = 24
-_LESSONS = ((360, 1024), (900, 2048), (1600, 2048))
+_LESSONS = ((360, 1024), (900, 2048))
 
 #: The second lesson is skipped if the mean squared error on every part is below this share of the
-#: variance, as with one arm of six joints on one body; the third if the mean over all parts is, as
-#: with two arms and an infant, but not with an iCub.
+#: variance. This holds for one body touched by one arm with six joints.
 _WELL_LEARNED = 0.35
-
-#: The third lesson is also skipped if the mean over all parts is above `_HOPELESS`. If it stays
-#: above `_STUCK` although there were touches for two lessons, another network is tried, and the
-#: best is kept: of nine networks on the touches of two iCubs five learned little, by chance.
-_STUCK, _HOPELESS, _MOST_NETWORKS = 0.7, 0.95, 3
 
 #: Fewest configurations per training step: with little data, more steps only overfit.
 _ROWS_A_STEP = 32
@@ -59,9 +52,8 @@ _MOST_MODES = 6
 _FEW = 50
 
 #: Modes are accepted if this share of the configurations clearly belongs to one of them: measured
-#: 0.93 to 0.98 with two arms, 0.76 on an iCub's thighs, at most 0.66 where too little was learned
-#: and there is one mode.
-_MOSTLY = 0.72
+#: 0.93 to 0.98 with two arms, at most 0.66 where too little was learned and there is one mode.
+_MOSTLY = 0.8
 
 #: Least share of a kernel's touches of known mode that a mode has. Rarer ones are mostly mistakes,
 #: by which plans expect a hand where it never was: on the infant, seeds 5 and 6, 78 of 105 were,
@@ -143,8 +135,8 @@ def touch_modes(
     kernel = sets.kernel
     of_part = part[kernel]
     rng = np.random.default_rng(seed)
-    tested: dict[int, np.ndarray] = {}
-    for number in np.flatnonzero(np.bincount(part) >= LEAST_KERNELS).tolist():
+    tested = {}
+    for number in np.flatnonzero(np.bincount(part) >= LEAST_KERNELS):
         rows = np.flatnonzero(of_part == number)
         if len(rows) >= _FEWEST:
             tested[number] = rng.permutation(rows)[: min(_NUM_TESTED, len(rows) // 5)]
@@ -166,14 +158,9 @@ def touch_modes(
     outputs = felt @ axes[:_MOST_OUTPUTS].T
     spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=sizes))
     outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
-    tries: list[tuple[float, _Expectation]] = []
-    by_chance = len(x) >= _ROWS_A_STEP * sum(steps for steps, _ in _LESSONS[:2])
-    while not tries or (by_chance and tries[-1][0] > _STUCK and len(tries) < _MOST_NETWORKS):
-        network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
-        expected = _Expectation(network, x, kernel, outputs, rng)
-        error = _learn(expected, of_part, np.flatnonzero(~held_out), tested)
-        tries.append((error, expected))
-    _, expected = min(tries, key=operator.itemgetter(0))
+    network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
+    expected = _Expectation(network, x, kernel, outputs, rng)
+    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()])
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
         modes = _modes(expected, some)
@@ -222,13 +209,9 @@ def _learn(
     expected: _Expectation,
     of_part: np.ndarray,
     trained: np.ndarray,
-    tested: dict[int, np.ndarray],
-) -> float:
-    """Trains the network on some rows, in up to three lessons.
-
-    Returns its mean squared error on the tested rows over the variance: the mean of all parts, by
-    their rows.
-    """
+    tested: list[np.ndarray],
+) -> None:
+    """Trains the network on some rows, until it predicts the tested rows of each part well."""
     # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely touched
     # parts are also learned.
     by_part = trained[np.argsort(of_part[trained], kind="stable")]
@@ -244,7 +227,7 @@ def _learn(
 
     x, none = expected.x, np.zeros(expected.x.shape[1], dtype=bool)
     affordable = min(sum(steps for steps, _ in _LESSONS), len(x) // _ROWS_A_STEP)
-    weights, done, error = np.bincount(of_part)[[*tested]], 0, np.inf
+    done = 0
     for most_steps, count in _LESSONS:
         num_steps = min(most_steps, affordable - done)
         train(
@@ -254,16 +237,12 @@ def _learn(
             toward(expected.outputs, expected.kernel),
             num_steps,
         )
-        first_lesson, done = not done, done + num_steps
-        errors = [
-            expected.error(rows, none).mean() / max(expected.by_chance(rows), 1e-12)
-            for rows in tested.values()
-        ]
-        error = float(np.average(errors, weights=weights))
-        enough = (max(errors) if first_lesson else error) < _WELL_LEARNED
-        if enough or done == affordable or (not first_lesson and error > _HOPELESS):
+        done += num_steps
+        if done == affordable or all(
+            expected.error(rows, none).mean() < _WELL_LEARNED * expected.by_chance(rows)
+            for rows in tested
+        ):
             break
-    return error
 
 
 def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
@@ -272,16 +251,14 @@ def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
     Configurations are clustered by how much each joint changes the prediction there. A first guess
     of a mode is the joints that matter to a cluster at least half as much as to any other. Each
     configuration is then assigned to a mode, and the joints that matter are found again. The number
-    of modes rises as long as no set of joints contains another (configurations between two modes
-    need the joints of both), and fewer joints matter to a configuration than before. Modes that
-    leave many configurations unassigned are rejected.
+    of modes rises as long as no set of joints contains another: configurations between two modes
+    need the joints of both. Modes that leave many configurations unassigned are rejected.
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
     now = expected.network(expected.x[rows])
     change = np.sqrt([expected.off(rows, joint, now) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
     found = _matter(_costs(expected, rows)[None])
-    fewest = float(found.sum())
     for count in range(2, _MOST_MODES + 1):
         cluster = clusters(np.log(share + 1e-3), count)
         cost = np.array([_costs(expected, rows[cluster == c]) for c in range(count)])
@@ -292,10 +269,9 @@ def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
             break
         cost = np.array([_costs(expected, rows[given == m]) for m in range(count)])
         sets = _matter(cost)
-        many = row_joints(given, sets).sum(axis=1).mean()
-        if _contained(sets) or many >= fewest:
+        if _contained(sets):
             break
-        found, fewest = sets, many
+        found = sets
     return found
 
 
