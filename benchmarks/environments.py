@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AsyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, VectorEnv
 
 from selftouch_drake import envs
 
@@ -45,13 +45,8 @@ def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
             return sum(rates)
     copies = AsyncVectorEnv([lambda: gymnasium.make(name)] * num_copies)
     try:
-        copies.reset(seed=0)
         chosen = actions(copies.single_action_space, num_steps)
-        copies.step(np.repeat(chosen[:1], num_copies, axis=0))
-        began = time.perf_counter()
-        for action in chosen:
-            copies.step(np.repeat(action[None], num_copies, axis=0))
-        return num_copies * num_steps / (time.perf_counter() - began)
+        return rate(copies, np.repeat(chosen[:, None], num_copies, axis=1))
     finally:
         copies.close()
 
@@ -59,13 +54,17 @@ def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
 def kinematic_rate(name: str, num_steps: int) -> float:
     """Steps per second of robots without dynamics in this process."""
     robots = gymnasium.make_vec(name, num_envs=TOGETHER)
+    return rate(robots, actions(robots.action_space, num_steps))
+
+
+def rate(robots: VectorEnv, chosen: np.ndarray) -> float:
+    """Steps per second of robots that take actions `(steps, robots, joints)`."""
     robots.reset(seed=0)
-    chosen = actions(robots.action_space, num_steps)
     robots.step(chosen[0])
     began = time.perf_counter()
     for action in chosen:
         robots.step(action)
-    return TOGETHER * num_steps / (time.perf_counter() - began)
+    return robots.num_envs * len(chosen) / (time.perf_counter() - began)
 
 
 def step_s(name: str) -> float:

@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 import trimesh
 from babbled import learned
-from results import add_update_option, results
+from results import ROOT, add_update_option, results
 from scipy.spatial import cKDTree
 
-from selftouch_drake.evaluation.shape import kernel_truth, parts_on_skins, shape_errors
-from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import write_csv
 from selftouch_drake.geometry.farthest import farthest_points
@@ -30,6 +28,7 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.scores import score_body
 
 
 def spread_evenly(fields: ReceptiveFields) -> np.ndarray:
@@ -46,19 +45,12 @@ def spread_evenly(fields: ReceptiveFields) -> np.ndarray:
 def row(run: RunDirectory) -> dict[str, Any]:
     """The errors of what a run recovered."""
     known = load_representation(run)
-    world = stages.make_world(run)
-    contacts = ExperienceReader(run.truth).take_contacts(known.kernel_row)
-    truth = kernel_truth(known, contacts, world.receptor_skin)
-    truth = truth.on_surface([skin.fields for skin in world.skins])
-    errors = shape_errors(load_body(run, known).positions, known.part, truth)
-    size = {skin: len(here) for skin, here in parts_on_skins(known.part, truth).items()}
-    weighed = sum(size[skin] * error for skin, error in errors.items())
-    mean = weighed / sum(size[skin] for skin in errors) if errors else np.nan
-    by_skin = {world.skins[skin].name: error for skin, error in errors.items()}
+    found = score_body(run, stages.make_world(run), known, load_body(run, known))
+    by_skin = found.get("surface_rms_fraction_by_skin", {})
     return {
         "parts": known.num_parts,
-        "skins": len(errors),
-        "error": round(100 * mean, 1),
+        "skins": len(by_skin),
+        "error": round(100 * found.get("surface_rms_fraction", np.nan), 1),
         "by_skin": "; ".join(f"{skin} {error:.1%}" for skin, error in by_skin.items()),
     }
 
@@ -69,12 +61,13 @@ def main() -> None:
     parser.add_argument("--touches", type=int, default=20_000)
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--out", type=Path, default=Path("build/layout"), help="folder of the runs")
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "layout", help="the runs")
     add_update_option(parser, "layout")
     given = parser.parse_args()
     sizes = {
         "babbling": {"num_samples": given.touches},
         "representation": {"num_targets": given.targets},
+        "evaluation": {"shape_metrics": []},
     }
     even = {}
     for skin in World(load_experiment(given.experiment)).skins:

@@ -27,11 +27,11 @@ from stable_baselines3.common.vec_env import VecEnv
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.bodies.drake import DrakeBodies
-from selftouch_drake.bodies.embodiment import body_of, pilot_in
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.envs.goals import REACHED, likeness, unit
-from selftouch_drake.experience.collect import collect
 from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import load_experiment
+from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 
 NAME = "selftouch_drake.envs:SelfTouch/TorusReachKinematic-v0"
@@ -125,8 +125,7 @@ def score_agent(num_tasks):
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
         run = RunDirectory.create(Path(folder) / "torus", load_experiment("torus", TOUCHES))
-        where = {"fingerprint": run.fingerprint(), "executor": executor, "body_of": body_of}
-        collect(run.experiment, run.path, **where)
+        stages.babble(run, executor)
         touches = ExperienceReader(run.experience)
         agent = Agent.learn(touches.read("q"), touches.read("sensation"), num_targets=1000)
     learned_s = time.monotonic() - began

@@ -12,7 +12,7 @@ from selftouch_drake.experience.collect import random_walk, walker_of
 from selftouch_drake.experiment import Experiment
 
 #: Where the straight way to a motion is blocked, and more than this share of a joint's range long,
-#: the body goes by two random postures, most of which touch nothing, and tries again. Of 78 ways
+#: the body goes by two random postures, where mostly nothing touches, and tries again. Of 78 ways
 #: to starts that the tests' arm in MuJoCo chose, 58 % are free when they are straight, 95 % after
 #: four rounds, and all after so many.
 _FAR, _BY, _ROUNDS = 0.1, 2, 12
