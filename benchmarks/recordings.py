@@ -52,8 +52,8 @@ NUM_CELLS, NUM_PAIRS = 300, 20
 LEAST_TOUCHES = 5
 # m, between the links of two skins, so that no cell is on both.
 APART = 100.0
-# Joints and places are rounded to this, rad or m, and sensations to ten bits: half the space.
-STEP = 2.0**-13
+# Joints and places are rounded to this, rad or m, and sensations to seven bits: half the space.
+STEP, BITS = 2.0**-12, 7
 
 
 def rounded(numbers: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ def make(body: str, seed: int, out: Path) -> None:
     felt = np.zeros((len(size), sensation.shape[1]))
     np.add.at(felt, cell[judged], share[single[judged]])
     mantissa, exponent = np.frexp(sensation)
-    sensation = np.ldexp(np.round(mantissa * 2.0**10) / 2.0**10, exponent).astype(np.float32)
+    sensation = np.ldexp(np.round(np.ldexp(mantissa, BITS)), exponent - BITS).astype(np.float32)
     row = np.arange(len(q))
     if body == "raw":
         q, sensation, row = raw_readings(q, sensation, world, seed)
@@ -163,8 +163,10 @@ def make(body: str, seed: int, out: Path) -> None:
 
 
 def save(path: Path, **arrays: np.ndarray) -> None:
+    # One receptor or joint after the other: each changes little from row to row.
+    columns = {name: np.asarray(array, order="F") for name, array in arrays.items()}
     with written_whole(path) as aside, aside.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+        np.savez_compressed(file, allow_pickle=False, **columns)
 
 
 def main() -> None:

@@ -19,8 +19,9 @@ packages are missing (`pip install umap-learn pacmap phate minisom`).
 
 Only ours use motor configurations. To help the rivals, each lays out by itself every part that our
 agent found; and those that lay out sensations do so twice: our target sensations (`targets`; each
-touch then lies between the four most similar ones, as with ours), and 1,500 random touches as they
-are (`touches`). Raw readings are calibrated by our import first. Seconds are of CPU time.
+receptor is then handed in at the mean of those that it feels, by the square of what it feels, as
+with ours), and 1,500 random touches as they are (`touches`). Raw readings are calibrated by our
+import first. Seconds are of CPU time.
 """
 
 from __future__ import annotations
@@ -40,7 +41,6 @@ import numpy as np
 from results import add_update_option, results
 from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
-from sklearn.neighbors import KNeighborsRegressor
 from sklearn.neural_network import MLPRegressor
 
 from selftouch_drake.agent.calibration import felt_touches
@@ -213,13 +213,12 @@ class Touches:
         self.part = self.target_part[assign(self.felt, self.representation.target_sensations)[0]]
 
     def by_targets(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """A hand-in by `(K, 3)` places of the target sensations."""
-        targets, found = self.representation.target_sensations, np.zeros((len(self.unit), 3))
-        for part in range(self.representation.num_parts):
-            here, touches = self.target_part == part, self.part == part
-            between = KNeighborsRegressor(4, weights="distance")
-            found[touches] = between.fit(targets[here], places[here]).predict(self.unit[touches])
-        return {"touch_places": found, "rows": self.rows, "parts": self.part}
+        """A hand-in by `(K, 3)` places of the target sensations: where the receptors are."""
+        felt = self.representation.target_sensations * (self.target_part >= 0)[:, None]
+        part = np.where(felt.any(axis=0), self.target_part[felt.argmax(axis=0)], -1)
+        weight = np.square(felt, dtype=float) * (self.target_part[:, None] == part)
+        found = weight.T @ places / np.maximum(weight.sum(axis=0), 1e-12)[:, None]
+        return {"receptor_places": found, "parts": part}
 
     def handed_in(self, lay: Layout, of: str, seed: int) -> dict[str, np.ndarray]:
         """A hand-in by a rival."""

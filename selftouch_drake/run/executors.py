@@ -53,6 +53,8 @@ def map_ahead(
 ) -> Generator[Any]:
     """What a call makes of each item, in order; at most `ahead` results wait to be asked for."""
     waiting = deque[Future]()
+    if isinstance(executor, InTurn):
+        ahead = 0  # nobody works meanwhile
     try:
         for item in items:
             waiting.append(executor.submit(call, item))
