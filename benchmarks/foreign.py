@@ -114,6 +114,7 @@ def lived(
         "babbling": babbling | ({"num_samples": options.touches} if options.touches else {}),
         "representation": {"num_targets": options.targets or targets},
         "evaluation": {"num_pairs": options.pairs},
+        "execution": {"max_tries": 1},  # rehearsals are not in the table
     }
     began = time.perf_counter()
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as text:

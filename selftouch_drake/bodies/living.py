@@ -4,6 +4,7 @@ import atexit
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body import BodyError, Felt, Followed
 from selftouch_drake.agent.calibration import Calibration, calibrate
@@ -28,7 +29,8 @@ class LivingBody:
     when the program ends. The agent calibrates its receptors itself if they are not calibrated yet.
 
     Attributes:
-        met: touches that it meets from now on, if it is to note them: they are experience too.
+        met: touches that it meets from now on, if it is to note them, `(n, J)` and `(n, S)` N: they
+            are experience too.
     """
 
     world = None
@@ -39,7 +41,7 @@ class LivingBody:
         self.lower, self.upper = body.lower, body.upper
         self.velocity, self.acceleration = body.velocity, body.acceleration
         self.num_receptors = body.num_receptors
-        self.met: list[Felt] | None = None
+        self.met: list[tuple[np.ndarray, csr_array]] | None = None
         # Where the last motion was to end, and where it did.
         self._at: np.ndarray | None = None
         self._where = np.full(len(body.lower), np.inf)
@@ -132,5 +134,6 @@ class LivingBody:
     def _noted(self, felt: Felt) -> Felt:
         if self.met is not None:
             _, touches = felt.touches()
-            self.met.append(touches.of_rows(np.flatnonzero(touches.reached)))
+            q, sensation = touches.q[touches.reached], touches.sensation[touches.reached]
+            self.met.append((q.astype(np.float32), csr_array(sensation.astype(np.float32))))
         return felt

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
-from selftouch_drake.agent.body import Body, Felt
+from selftouch_drake.agent.body import Body
 from selftouch_drake.bodies.embodiment import (
     Bodies,
     World,
@@ -21,8 +22,8 @@ from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of,
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
-#: Touches of a run that a body is to feel again.
-_FELT_AGAIN = 20
+#: Touches of a run that a body is to feel again; most touches in a shard of those that it met.
+_FELT_AGAIN, _IN_A_SHARD = 20, 10_000
 
 
 class OtherBodyWarning(UserWarning):
@@ -84,23 +85,28 @@ def living_in(run: RunDirectory, reference: str | None) -> Iterator[None]:
         return
     body = run_bodies(run)
     assert isinstance(body, LivingBody)
-    body.met = list[Felt]()
+    body.met = []
     try:
         yield
     finally:
         met, body.met = body.met, None
-        q = np.concatenate([np.empty((0, len(body.joint_names))), *(felt.q for felt in met)])
-        if len(q):
-            shard = Shard(
-                walk=len(shards_of(run.met)) + len(shards_of(run.added)),
-                num_steps=len(q),
-                num_impossible=0,
-                step=np.arange(len(q)),
-                q=q.astype(np.float32),
-                sensation=np.concatenate([felt.sensation for felt in met]).astype(np.float32),
-                contacts=None,
-            )
-            write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
+        if met:
+            q, felt = np.concatenate([q for q, _ in met]), vstack([felt for _, felt in met], "csr")
+            for first in range(0, len(q), _IN_A_SHARD):
+                _keep_met(run, *(met[first : first + _IN_A_SHARD] for met in (q, felt)))
+
+
+def _keep_met(run: RunDirectory, q: np.ndarray, sensation: csr_array) -> None:
+    shard = Shard(
+        walk=len(shards_of(run.met)) + len(shards_of(run.added)),
+        num_steps=len(q),
+        num_impossible=0,
+        step=np.arange(len(q)),
+        q=q,
+        sensation=sensation.toarray(),
+        contacts=None,
+    )
+    write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
 
 
 def _opened(run: RunDirectory, reference: str) -> LivingBody:
