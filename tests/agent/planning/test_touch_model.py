@@ -95,6 +95,21 @@ def test_short_steps_stay_straight(known):
     assert unread.of_mode == (None,)
 
 
+def test_modes_share_the_steps_that_show_the_need_and_no_others(known, monkeypatch):
+    representation, sensation = known
+    two_modes = dataclasses.replace(
+        representation,
+        kernel_mode=(np.arange(representation.num_rows) % 3 == 2).astype(int),
+        mode_joints=np.ones((2, 6), dtype=bool),
+    )
+    trained = []
+    monkeypatch.setattr(touch_model, "train", lambda *given: trained.append(given[-1]))
+    monkeypatch.setattr(touch_model, "_sees_need", lambda *given: True)
+    monkeypatch.setattr(touch_model, "_MOST_STEPS", 900)
+    TouchModel.learn(two_modes, lambda: sensation)
+    assert trained == [600, 900, 900, 900, 300, 900, 900, 900]
+
+
 def test_a_way_known_by_heart_is_not_taken_for_the_skin(monkeypatch):
     """Touches on a slow way, whose firmness has nothing to do with where they are."""
     monkeypatch.setattr(touch_model, "_OFF", 0.0)  # correlation alone decides
