@@ -332,6 +332,9 @@ class PyCub(Posed):
             normals.append(points[:, 3:6])
         self.reach, self.deepest, self.normals = reach, deepest, np.concatenate(normals)
         super().__init__(names, limits, links, np.concatenate(places))
+        others = sorted(set(range(len(infos))) - set(self.joints))
+        states = pybullet.getJointStates(self.robot, others, self.client)
+        self.others, self.rest = others, np.array([state[0] for state in states])
         # What overlaps in the middle of all limits is how the robot was modelled.
         self.always = set[tuple[int, int]]()
         self._put(0.5 * (self.lower + self.upper))
@@ -350,13 +353,14 @@ class PyCub(Posed):
 
     def moved(self, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As of `Posed`: by PyBullet's own servos."""
+        # Fingers and all else are held, or contacts move them for good.
         self.p.setJointMotorControlArray(
             self.robot,
-            self.joints,
+            [*self.joints, *self.others],
             self.p.POSITION_CONTROL,
-            target,
-            forces=[100.0] * len(self.joints),
-            positionGains=[0.5] * len(self.joints),
+            [*target, *self.rest],
+            forces=[100.0] * (len(self.joints) + len(self.others)),
+            positionGains=[0.5] * (len(self.joints) + len(self.others)),
             physicsClientId=self.client,
         )
         for _ in range(round(240 * LOOK_S)):
@@ -388,9 +392,9 @@ class PyCub(Posed):
     def _put(self, posture: np.ndarray) -> None:
         self.p.resetJointStatesMultiDof(
             self.robot,
-            self.joints,
-            posture[:, None].tolist(),
-            np.zeros((len(posture), 1)).tolist(),
+            [*self.joints, *self.others],
+            [[position] for position in (*posture, *self.rest)],
+            [[0.0]] * (len(self.joints) + len(self.others)),
             physicsClientId=self.client,
         )
         self.p.performCollisionDetection(self.client)

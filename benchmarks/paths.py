@@ -10,7 +10,7 @@
     done
     python benchmarks/paths.py runs/*-10?
 
-The table has the two arms with 400,000 touches and 500 targets, as shipped. The same random pairs
+The table has the two arms with 400,000 touches and 500 targets. The same random pairs
 of each run are planned and practised twice, from the same starts: with routes that keep the motion
 of the joints short (`planning.prefer: joints`), and with those that keep the path on the body
 short.

@@ -52,7 +52,7 @@ NUM_CELLS, NUM_PAIRS = 300, 20
 LEAST_TOUCHES = 5
 # m, between the links of two skins, so that no cell is on both.
 APART = 100.0
-# Joints and places are rounded to this, rad or m, and sensations to seven bits: half the space.
+# Joints and places of touches are rounded to this, rad or m, and sensations to so many bits.
 STEP, BITS = 2.0**-12, 7
 
 
@@ -137,6 +137,8 @@ def make(body: str, seed: int, out: Path) -> None:
     of_touch = in_row(of_touch, -1)
     rng = np.random.default_rng(seed)
     on_part = np.where(of_touch >= 0, part[of_touch], -1)
+    # Where rounding lifts a touch off the skin, no plan begins or ends.
+    on_part[~world.probe.sensations(rounded(q).astype(float)).any(axis=1)] = -1
     pairs = rng.choice(np.flatnonzero(on_part >= 0), (100 * NUM_PAIRS, 2))
     same = (on_part[pairs[:, 0]] == on_part[pairs[:, 1]]) & (pairs[:, 0] != pairs[:, 1])
     save(

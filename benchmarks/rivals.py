@@ -19,9 +19,9 @@ packages are missing (`pip install umap-learn pacmap phate minisom`).
 
 Only ours use motor configurations. To help the rivals, each lays out by itself every part that our
 agent found; and those that lay out sensations do so twice: our target sensations (`targets`; each
-receptor is then handed in at the mean of those that it feels, by the square of what it feels, as
-with ours), and 1,500 random touches as they are (`touches`). Raw readings are calibrated by our
-import first. Seconds are of CPU time.
+receptor is then handed in at the mean place of those in which it reads something, by the square of
+its reading, as with ours), and 1,500 random touches as they are (`touches`). Raw readings are
+calibrated by our import first. Seconds are of CPU time.
 """
 
 from __future__ import annotations

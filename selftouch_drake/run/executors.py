@@ -53,12 +53,10 @@ def map_ahead(
 ) -> Generator[Any]:
     """What a call makes of each item, in order; at most `ahead` results wait to be asked for."""
     waiting = deque[Future]()
-    if isinstance(executor, InTurn):
-        ahead = 0  # nobody works meanwhile
     try:
         for item in items:
             waiting.append(executor.submit(call, item))
-            if len(waiting) > ahead:
+            if len(waiting) > ahead or isinstance(executor, InTurn):  # nothing runs meanwhile
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()

@@ -212,7 +212,7 @@ def _of_plans(plans: np.ndarray, given: Arrays, truth: Arrays) -> dict[str, Any]
     like = truth["cell_receptors"] / np.linalg.norm(truth["cell_receptors"], axis=1)[:, None]
     there, goal = np.split(np.where(felt.any(axis=1), (felt @ like.T).argmax(axis=1), -1), 2)
     return {
-        "unpractised_reach_rate": float(np.mean(there == goal)),
+        "unpractised_reach_rate": float(np.mean((there == goal) & (goal >= 0))),
         "unpractised_contact_mean": float(np.mean(contact)),
         "unpractised_contact_worst": float(np.min(contact)),
     }

@@ -93,12 +93,14 @@ def living_in(run: RunDirectory, reference: str | None) -> Iterator[None]:
         if met:
             q, felt = np.concatenate([q for q, _ in met]), vstack([felt for _, felt in met], "csr")
             for first in range(0, len(q), _IN_A_SHARD):
-                _keep_met(run, *(met[first : first + _IN_A_SHARD] for met in (q, felt)))
+                rows = slice(first, first + _IN_A_SHARD)
+                _keep_met(run, q[rows], felt[rows])
 
 
 def _keep_met(run: RunDirectory, q: np.ndarray, sensation: csr_array) -> None:
+    *_, last = [-1, *(int(p.stem.removeprefix("part-")) for p in shards_of(run.met, run.added))]
     shard = Shard(
-        walk=len(shards_of(run.met)) + len(shards_of(run.added)),
+        walk=last + 1,
         num_steps=len(q),
         num_impossible=0,
         step=np.arange(len(q)),

@@ -20,8 +20,8 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 _HIDDEN, _BATCH, _GAIN = (128, 128, 128), 256, 0.7
 
 #: Most training steps, and touches per step if there are few. With 6000 steps, networks of twelve
-#: joints still tell nothing of the skin; with 10,000 they do. The first networks of all modes share
-#: them: on two arms, 5000 show the need, and plans keep 97 % contact after them, 99 % after 10,000.
+#: joints still tell nothing of the skin; with 10,000 they do. Modes share those of the network that
+#: shows the need: 5000 do on each forearm of two arms (nine joints); kept networks take them all.
 _MOST_STEPS, _ROWS_PER_STEP = 10_000, 3
 
 #: Networks whose outputs are averaged, because chance decides how well one learns. Contact of 30
@@ -159,10 +159,10 @@ class TouchModel:
             return cls((None,) * len(modes))
         felt = kernel_sensation()
         firmness = _firmness(representation, felt)
-        among = np.isin(representation.kernel_mode, np.flatnonzero(long)).sum()
+        sharing = np.isin(representation.kernel_mode, np.flatnonzero(long)).sum()
         return cls(
             tuple(
-                _learned(representation, felt, firmness, mode, straight[mode][1], among, seed)
+                _learned(representation, felt, firmness, mode, straight[mode][1], sharing, seed)
                 if long[mode]
                 else None
                 for mode in modes
@@ -273,27 +273,26 @@ def _learned(
     firmness: np.ndarray,
     mode: int,
     middles: np.ndarray,
-    among: int,
+    sharing: int,
     seed: int,
 ) -> _Firmness | None:
     """What touches of a mode feel like; None if it shows no need to bend steps at `middles`.
 
-    The mode is one of those that have so many touches together.
+    The `sharing` touches are those of all modes with long steps.
     """
     rng = np.random.default_rng([seed, mode])
     rows, joints, positions = _touches_of(representation, mode)
     num_steps = min(_MOST_STEPS, len(rows) // _ROWS_PER_STEP)
-    few_steps = min(len(rows) * _MOST_STEPS // among, num_steps)
+    few_steps = min(len(rows) * _MOST_STEPS // sharing, num_steps)
     if few_steps < 1:
         return None
     firm, felt = firmness[rows], sensation[rows]
     typical = np.asarray(felt.mean(axis=0), dtype=np.float32)
     sizes = [len(joints), *_HIDDEN, 1 + felt.shape[1]]
-    # One alone shows whether any are needed, first after few steps; then it is not kept.
+    # One alone shows whether any are needed; after few steps, shared by modes, it is thrown away.
     num_trials = 1 + (few_steps < num_steps)
-    networks = [
-        Network.random(sizes, rng, gain=_GAIN) for _ in range(_NUM_NETWORKS + num_trials - 1)
-    ]
+    num_networks = _NUM_NETWORKS + num_trials - 1
+    networks = [Network.random(sizes, rng, gain=_GAIN) for _ in range(num_networks)]
     found = _Firmness(
         networks=networks[-_NUM_NETWORKS:],
         joints=joints,
