@@ -334,7 +334,7 @@ class PyCub(Posed):
         super().__init__(names, limits, links, np.concatenate(places))
         others = sorted(set(range(len(infos))) - set(self.joints))
         states = pybullet.getJointStates(self.robot, others, self.client)
-        self.others, self.rest = others, np.array([state[0] for state in states])
+        self.held, self.rest = [*self.joints, *others], [state[0] for state in states]
         # What overlaps in the middle of all limits is how the robot was modelled.
         self.always = set[tuple[int, int]]()
         self._put(0.5 * (self.lower + self.upper))
@@ -356,11 +356,11 @@ class PyCub(Posed):
         # Fingers and all else are held, or contacts move them for good.
         self.p.setJointMotorControlArray(
             self.robot,
-            [*self.joints, *self.others],
+            self.held,
             self.p.POSITION_CONTROL,
             [*target, *self.rest],
-            forces=[100.0] * (len(self.joints) + len(self.others)),
-            positionGains=[0.5] * (len(self.joints) + len(self.others)),
+            forces=[100.0] * len(self.held),
+            positionGains=[0.5] * len(self.held),
             physicsClientId=self.client,
         )
         for _ in range(round(240 * LOOK_S)):
@@ -392,9 +392,9 @@ class PyCub(Posed):
     def _put(self, posture: np.ndarray) -> None:
         self.p.resetJointStatesMultiDof(
             self.robot,
-            [*self.joints, *self.others],
+            self.held,
             [[position] for position in (*posture, *self.rest)],
-            [[0.0]] * (len(self.joints) + len(self.others)),
+            [[0.0]] * len(self.held),
             physicsClientId=self.client,
         )
         self.p.performCollisionDetection(self.client)

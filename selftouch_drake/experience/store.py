@@ -211,11 +211,10 @@ def read_counts(
         raise StoreError(f"{path} lacks its number of steps; delete it and babble again") from None
 
 
-def shards_of(*folders: Path) -> list[Path]:
-    """The shards of folders, in order of their walks; none if there are no such folders."""
-    paths = [path for folder in folders for path in folder.glob("part-*.parquet")]
+def shards_of(folder: Path) -> list[Path]:
+    """The shards of a folder, in order of their walks; none if there is no such folder."""
     # By number: beyond 99999 the names are longer.
-    return sorted(paths, key=lambda p: (len(p.name), p.name))
+    return sorted(folder.glob("part-*.parquet"), key=lambda p: (len(p.name), p.name))
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,9 +98,9 @@ def living_in(run: RunDirectory, reference: str | None) -> Iterator[None]:
 
 
 def _keep_met(run: RunDirectory, q: np.ndarray, sensation: csr_array) -> None:
-    *_, last = [-1, *(int(p.stem.removeprefix("part-")) for p in shards_of(run.met, run.added))]
+    known = [*shards_of(run.met), *shards_of(run.added)]
     shard = Shard(
-        walk=last + 1,
+        walk=max((int(path.stem.removeprefix("part-")) for path in known), default=-1) + 1,
         num_steps=len(q),
         num_impossible=0,
         step=np.arange(len(q)),
