@@ -44,7 +44,7 @@ def touched(world: World, number: int, seed: int) -> tuple[np.ndarray, np.ndarra
         q = rng.uniform(*robot.babbled_range, (_POSTURES, robot.num_joints)).astype(np.float32)
         rows, touches = probe.felt(q)
         once = np.bincount(touches.row, minlength=len(rows)) == 1
-        kept = once & (probe.collision_depth(q[rows]) == 0)
+        kept = once & ~probe.impossible(q[rows])
         place = touches.of_rows(np.flatnonzero(kept)).p_LC
         found.append((q[rows[kept]], touches.sensation[kept], place))
         count += int(kept.sum())

@@ -64,7 +64,7 @@ class DrakeFelt(Felt):
     @cached_property
     def reached(self) -> np.ndarray:  # type: ignore[override]
         """`(n,)` whether the robot can be there: its rigid parts do not collide."""
-        return self._world.probe.collision_depth(self._q, self._margin) == 0
+        return ~self._world.probe.impossible(self._q, self._margin)
 
     @property
     def contacts(self) -> Contacts:

@@ -112,7 +112,7 @@ def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
     world = bodies_of(experiment, fingerprint).world
     assert world is not None
     q = np.zeros((1, len(world.robot.lower)), dtype=np.float32)
-    for look in (world.probe.touches, world.probe.collision_depth)[:: 1 - 2 * number]:
+    for look in (world.probe.touches, world.probe.impossible)[:: 1 - 2 * number]:
         look(q)
 
 

@@ -22,7 +22,7 @@ def possible_posture(world: World, random: np.random.Generator) -> np.ndarray:
     """
     for _ in range(_MOST_BATCHES):
         q = random.uniform(*world.robot.babbled_range)
-        if world.probe.collision_depth(q[None])[0] == 0:
+        if not world.probe.impossible(q[None])[0]:
             return q
     raise ExperimentError(
         f"in each of {_MOST_BATCHES} random postures rigid parts of the robot run into each other; "
@@ -71,7 +71,7 @@ class FirmTouches:
         rows, touches = self._world.probe.felt(q)
         strength = np.linalg.norm(touches.sensation, axis=1)
         firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
-        firm = firm[self._world.probe.collision_depth(q[rows[firm]]) == 0]
+        firm = firm[~self._world.probe.impossible(q[rows[firm]])]
         return [(q[rows[k]], touches.of_rows(np.array([k]))) for k in firm]
 
 

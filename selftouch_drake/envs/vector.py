@@ -146,7 +146,7 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         known = self._one._known(options)
         for row in rows:
             q = self._one._starting_posture(known)
-            if "q" in known and self.world.probe.collision_depth((q - self._slip)[None])[0] > 0:
+            if "q" in known and self.world.probe.impossible((q - self._slip)[None])[0]:
                 raise ValueError(
                     f"options['q'] is {q.tolist()}, where rigid parts run into each other: give "
                     "another posture"
@@ -160,14 +160,14 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
 
     def _as_far_as_possible(self, wanted: np.ndarray) -> np.ndarray:
         """`(N, J)` where the robots get on their straight ways to the wanted configurations."""
-        depth = self.world.probe.collision_depth
-        hit = np.flatnonzero(depth(wanted - self._slip) > 0)
+        impossible = self.world.probe.impossible
+        hit = np.flatnonzero(impossible(wanted - self._slip))
         if len(hit):
             start, way = self._q[hit], wanted[hit] - self._q[hit]
             share = np.zeros((len(hit), 1))
             for halving in range(1, _HALVINGS + 1):
                 farther = share + 0.5**halving
-                free = depth(start + farther * way - self._slip) == 0
+                free = ~impossible(start + farther * way - self._slip)
                 share[free] = farther[free]
             wanted[hit] = start + share * way
         return wanted

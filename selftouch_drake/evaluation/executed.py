@@ -56,7 +56,7 @@ class ExecutionJudge:
             turns=world.robot.turns,
             limit_shares=limit_shares(motion, q, execution.torque, world.limits),
             force=float(execution.felt.sum(axis=1).max()),
-            impossible=int(np.sum(world.probe.collision_depth(log.q_steps) > 0)),
+            impossible=int(np.sum(world.probe.impossible(log.q_steps))),
             off_skin_s=self.off_skin_s(execution),
         )
 

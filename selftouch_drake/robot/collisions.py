@@ -1,37 +1,61 @@
-"""Impossible postures: those in which rigid parts of the robot run into each other."""
+"""Impossible postures: those in which rigid parts of the robot run into each other.
 
-import itertools
-from collections.abc import Callable
+Two convex shapes are as deep in each other as the shortest shift that parts them: the distance of
+the origin from the boundary of their Minkowski difference. Only whether that is more than allowed
+is wanted, mostly far from the limit, and the search for it ends as soon as that is certain: in 3 %
+of the time of Drake's signed distances, which took half of the time of an infant's touches.
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
-from pydrake.multibody.tree import RigidBody
+from pydrake.geometry import Box, Capsule, Cylinder, Ellipsoid, Shape, Sphere
 
-from selftouch_drake.compiled import compiled
+from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import as_mesh
 from selftouch_drake.robot.robot import Robot
 
-# Share of its radius that a bound is larger: a mesh of a round shape is inside it, by 8e-4 of its
-# radius, and Drake's signed distances of round shapes have errors, too.
-_SLACK = 2e-3
+# m, differences are rounded by this, so that no two of their farthest points coincide.
+_ROUNDED = 1e-6
+# m, nearer to the limit, a pair passes for too deep.
+_SURE = 1e-7
+# Most faces, and corners, of a surface inside a difference.
+_FACES = 400
+# Directions of the first corners, and the first faces, counter-clockwise seen from outside.
+_FIRST = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+_FIRST_FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+
+
+class Solids(NamedTuple):
+    """Convex shapes, each the Minkowski sum of the hull of points and an ellipsoid.
+
+    Attributes:
+        points: `(n, 3)` m, of all G shapes, each in the frame of its link.
+        ends: `(G + 1,)` where the points of each begin and end.
+        axes: `(G, 3, 3)` m, the semi-axes of the ellipsoids, as columns in the frames of the links.
+        centres: `(G, 3)` m, of balls that hold the shapes, in the frames of the links.
+        radii: `(G,)` m, of these balls.
+    """
+
+    points: np.ndarray
+    ends: np.ndarray
+    axes: np.ndarray
+    centres: np.ndarray
+    radii: np.ndarray
 
 
 class CollisionCheck:
     """Finds configurations in which rigid parts of a robot are deeper in each other than allowed.
 
-    Capsules round the geometries reject most pairs; Drake's signed distances decide the rest. For
-    these a mesh is its convex hull.
-
-    `query`, called with one `(J,)` configuration, gives Drake's query object there.
+    As in Drake, a mesh is its convex hull.
 
     Raises:
         ExperimentError: a link has a geometry without extent, as a half space.
     """
 
-    def __init__(self, robot: Robot, query: Callable[[np.ndarray], QueryObject]):
-        self._query = query
+    def __init__(self, robot: Robot):
         inspector = robot.scene_graph.model_inspector()
         link_of = {
             geometry: link
@@ -41,99 +65,215 @@ class CollisionCheck:
         }
         frames = [link.body_frame() for link in link_of.values()]
         self._kinematics = Kinematics.of(robot.plant, frames)
-        bounds = [_bound(inspector, geometry, link) for geometry, link in link_of.items()]
-        self._centre = np.array([centre for centre, _, _ in bounds]).reshape(-1, 3)
-        self._half = np.array([half for _, half, _ in bounds]).reshape(-1, 3)
-        radius = np.array([radius for _, _, radius in bounds])
-        number = {geometry: k for k, geometry in enumerate(link_of)}
-        self._pairs = [
-            (a, b, pair.allowed_depth)
-            for pair in robot.rigid_pairs
-            for a, b in itertools.product(*pair.geometry_ids)
+        points, axes = [np.empty((0, 3))], list[np.ndarray]()
+        for geometry, link in link_of.items():
+            try:
+                p_GP, semi_axes = _as_sum(inspector.GetShape(geometry))
+            except ValueError as error:
+                raise ExperimentError(
+                    f"link {link.name()!r} cannot be checked for collisions: {error}"
+                ) from error
+            X_LG = inspector.GetPoseInFrame(geometry)
+            points.append(X_LG.multiply(p_GP.T).T)
+            axes.append(X_LG.rotation().matrix() * semi_axes)
+        centres = np.array([(p.min(axis=0) + p.max(axis=0)) / 2 for p in points[1:]])
+        reach = [
+            np.linalg.norm(p - centre, axis=1).max() + np.linalg.norm(M, axis=0).max()
+            for p, centre, M in zip(points[1:], centres, axes, strict=True)
         ]
-        ends = [[number[a], number[b]] for a, b, _ in self._pairs]
-        self._ends = np.array(ends, dtype=int).reshape(-1, 2)
-        # If their axes are nearer to each other, two capsules overlap by more than allowed.
-        allowed = np.array([allowed for *_, allowed in self._pairs])
-        self._near = radius[self._ends].sum(axis=1) - allowed
+        self._solids = Solids(
+            points=np.concatenate(points),
+            ends=np.cumsum([len(p) for p in points]),
+            axes=np.array(axes).reshape(-1, 3, 3),
+            centres=centres.reshape(-1, 3),
+            radii=np.array(reach),
+        )
+        number = {geometry: k for k, geometry in enumerate(link_of)}
+        ends = [
+            (number[a], number[b], pair.allowed_depth)
+            for pair in robot.rigid_pairs
+            for a in pair.geometry_ids[0]
+            for b in pair.geometry_ids[1]
+        ]
+        *pairs, self._allowed = np.array(ends).reshape(-1, 3).T
+        self._pairs = np.stack(pairs, axis=1).astype(np.int64)
 
-    def depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """`(N,)` m, by how much two rigid parts are deeper in each other than allowed.
+    def impossible(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
+        """`(N,)` bool, whether rigid parts are too deep in each other at `q` `(N, J)`.
 
-        It is that of the first pair that is found to be too deep at `q` `(N, J)`; 0 where the
-        posture is possible. With a margin (m), less is allowed.
+        With a margin (m), less is allowed.
         """
-        depth = np.zeros(len(q))
-        if not self._pairs:
-            return depth
-        X_WL = self._kinematics.poses(q)
-        p_WC = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._centre) + X_WL[..., 3]
-        half_W = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._half)
-        beyond = np.empty((len(q), len(self._pairs)))
-        _axes_apart(p_WC, half_W, self._ends, beyond)
-        beyond -= self._near + margin
-        rows, pairs = np.nonzero(beyond < 0.0)
-        # What is deepest, as far as one can see, comes first.
-        order = np.lexsort([beyond[rows, pairs], rows])
-        near = zip(rows[order].tolist(), pairs[order].tolist(), strict=True)
-        for row, some in itertools.groupby(near, key=lambda row_and_pair: row_and_pair[0]):
-            found = self._query(q[row])
-            for _, pair in some:
-                first, second, allowed = self._pairs[pair]
-                distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
-                depth[row] = max(0.0, -distance - (allowed - margin))
-                if depth[row]:
-                    break
-        return depth
+        found = np.zeros(len(q), dtype=np.bool_)
+        if len(self._pairs):
+            X_WL = self._kinematics.poses(q)
+            p_WC = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._solids.centres) + X_WL[..., 3]
+            _collide(self._solids, X_WL, p_WC, self._pairs, self._allowed - margin, found)
+        return found
+
+
+def _as_sum(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """`(n, 3)` points and `(3,)` semi-axes, m, whose sum a shape is, in its own frame.
+
+    Raises:
+        ValueError: as of `as_mesh`.
+    """
+    as_sums: dict[type, Any] = {
+        Sphere: lambda s: (0.0, [s.radius()] * 3),
+        Ellipsoid: lambda s: (0.0, [s.a(), s.b(), s.c()]),
+        Capsule: lambda s: (s.length(), [s.radius()] * 3),
+        Cylinder: lambda s: (s.length(), [s.radius(), s.radius(), 0.0]),
+    }
+    for kind, of in as_sums.items():
+        if isinstance(shape, kind):
+            length, semi_axes = of(shape)
+            return np.array([[0, 0, -length / 2], [0, 0, length / 2]]), np.array(semi_axes)
+    mesh = as_mesh(shape)
+    return np.array((mesh if isinstance(shape, Box) else mesh.convex_hull).vertices), np.zeros(3)
 
 
 @compiled
-def _axes_apart(centre, half, ends, apart):
-    """Writes the distances `apart` `(N, P)` m between pairs `ends` `(P, 2)` of line segments.
+def _collide(solids, X_WL, p_WC, pairs, allowed, found):
+    """Writes which `(N,)` rows of `X_WL`, `(N, G, 3, 4)` m, have a pair that is too deep.
 
-    These are the axes of capsules, from centre - half to centre + half, both `(N, G, 3)` m.
+    Allowed are `(P,)` m for the `(P, 2)` pairs; `p_WC` `(N, G, 3)` m are the centres of the balls.
     """
-    for row in range(len(centre)):
-        for pair in range(len(ends)):
-            a, b = ends[pair, 0], ends[pair, 1]
-            # The nearest points are centre + s half, with s and t from -1 to 1.
-            aa = bb = ab = ar = br = 0.0
+    n, w, edges = np.empty(3), np.empty(3), np.empty((3 * _FACES, 2), dtype=np.int64)
+    surface = np.empty((_FACES, 3)), np.empty((_FACES, 3), dtype=np.int64), np.empty((_FACES, 4))
+    for row in range(len(X_WL)):
+        for pair in range(len(pairs)):
+            a, b, square = pairs[pair, 0], pairs[pair, 1], 0.0
             for i in range(3):
-                u, v, r = half[row, a, i], half[row, b, i], centre[row, a, i] - centre[row, b, i]
-                aa, bb, ab, ar, br = aa + u * u, bb + v * v, ab + u * v, ar + u * r, br + v * r
-            across = aa * bb - ab * ab
-            s = min(max((ab * br - ar * bb) / across, -1.0), 1.0) if across > 0.0 else 0.0
-            t = (ab * s + br) / bb if bb > 0.0 else 0.0
-            if bb == 0.0 or abs(t) > 1.0:
-                t = min(max(t, -1.0), 1.0)
-                s = min(max((ab * t - ar) / aa, -1.0), 1.0) if aa > 0.0 else 0.0
-            square = 0.0
-            for i in range(3):
-                away = centre[row, a, i] + s * half[row, a, i] - centre[row, b, i]
-                square += (away - t * half[row, b, i]) ** 2
-            apart[row, pair] = np.sqrt(square)
+                n[i] = p_WC[row, b, i] - p_WC[row, a, i]
+                square += n[i] * n[i]
+            near = max(solids.radii[a] + solids.radii[b] - allowed[pair], 0.0)
+            if square >= near * near:
+                continue
+            if _too_deep(solids, X_WL[row], a, b, allowed[pair], surface, edges, n, w):
+                found[row] = True
+                break
 
 
-def _bound(
-    inspector: SceneGraphInspector, geometry: GeometryId, link: RigidBody
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """A capsule round a geometry, in the frame of its link, m.
+@inner
+def _too_deep(solids, X, a, b, allowed, surface, edges, n, w):
+    """Whether two shapes are deeper in each other than allowed; `n` leads from a to b.
 
-    Returns:
-        `(3,)` centre; `(3,)` from there to the centre of the cap at one end; and the radius.
+    Each farthest point of the difference in a direction bounds the depth from above. It becomes a
+    corner of a closed surface inside the difference, whose nearest face bounds it from below (the
+    expanding polytope of van den Bergen, 2001).
     """
-    try:
-        corners = as_mesh(inspector.GetShape(geometry)).vertices
-    except ValueError as error:
-        raise ExperimentError(
-            f"link {link.name()!r} cannot be checked for collisions: {error}"
-        ) from error
-    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    axis = np.eye(3)[np.ptp(corners, axis=0).argmax()]
-    along = np.abs((corners - centre) @ axis)
-    square = np.square(corners - centre).sum(axis=1) - along**2
-    radius = np.sqrt(square.max())
-    beyond = (along - np.sqrt(np.maximum(radius**2 - square, 0.0))).max()
-    X_LG = inspector.GetPoseInFrame(geometry)
-    half = X_LG.rotation().multiply(max(beyond, 0.0) * axis)
-    return X_LG.multiply(centre), half, (1.0 + _SLACK) * float(radius)
+    corners, _, planes = surface
+    allowed += _ROUNDED
+    if _farthest(solids, X, a, b, n, w) <= allowed:
+        return False
+    num_corners, num_faces = np.int64(4), np.int64(4)
+    for corner in range(4):
+        for i in range(3):
+            n[i] = _FIRST[corner, i]
+        if _farthest(solids, X, a, b, n, corners[corner]) <= allowed:
+            return False
+    for face in range(4):
+        o, p, q = _FIRST_FACES[face]
+        _set_face(surface, face, o, p, q)
+    while num_corners < len(corners) and num_faces > 0:
+        nearest = 0
+        for face in range(num_faces):
+            if planes[face, 3] < planes[nearest, 3]:
+                nearest = face
+        if planes[nearest, 3] > allowed:
+            break
+        for i in range(3):
+            n[i] = planes[nearest, i]
+        far = _farthest(solids, X, a, b, n, corners[num_corners])
+        if far <= allowed:
+            return False
+        if far - planes[nearest, 3] < _SURE:
+            break
+        num_faces = _expand(surface, num_corners, num_faces, edges)
+        num_corners += 1
+    return True
+
+
+@inner
+def _farthest(solids, X, a, b, n, w):
+    """Writes the point of a difference that is farthest along `n`; returns how far that is.
+
+    Makes a unit vector of n.
+    """
+    size = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    for i in range(3):
+        n[i] = n[i] / size if size > 0.0 else 1.0 / np.sqrt(3.0)
+        w[i] = _ROUNDED * n[i]
+    _add_farthest(solids, X, a, 1.0, n, w)
+    _add_farthest(solids, X, b, -1.0, n, w)
+    return n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
+
+
+@inner
+def _add_farthest(solids, X, part, sign, n, w):
+    """Adds to `w` the point of a shape, times the sign, that is then farthest along `n`."""
+    points, M = solids.points, solids.axes[part]
+    x = sign * (n[0] * X[part, 0, 0] + n[1] * X[part, 1, 0] + n[2] * X[part, 2, 0])
+    y = sign * (n[0] * X[part, 0, 1] + n[1] * X[part, 1, 1] + n[2] * X[part, 2, 1])
+    z = sign * (n[0] * X[part, 0, 2] + n[1] * X[part, 1, 2] + n[2] * X[part, 2, 2])
+    at, most = 0, -np.inf
+    for k in range(solids.ends[part], solids.ends[part + 1]):
+        along = x * points[k, 0] + y * points[k, 1] + z * points[k, 2]
+        if along > most:
+            at, most = k, along
+    s = M[0, 0] * x + M[1, 0] * y + M[2, 0] * z
+    t = M[0, 1] * x + M[1, 1] * y + M[2, 1] * z
+    u = M[0, 2] * x + M[1, 2] * y + M[2, 2] * z
+    size = max(np.sqrt(s * s + t * t + u * u), 1e-300)
+    x = points[at, 0] + (M[0, 0] * s + M[0, 1] * t + M[0, 2] * u) / size
+    y = points[at, 1] + (M[1, 0] * s + M[1, 1] * t + M[1, 2] * u) / size
+    z = points[at, 2] + (M[2, 0] * s + M[2, 1] * t + M[2, 2] * u) / size
+    for i in range(3):
+        w[i] += sign * (X[part, i, 0] * x + X[part, i, 1] * y + X[part, i, 2] * z + X[part, i, 3])
+
+
+@inner
+def _expand(surface, new, num_faces, edges):
+    """Puts the faces that join a new corner to the rim of what it sees in the place of that.
+
+    Returns the new number of faces; 0 if there is no room for them.
+    """
+    corners, faces, planes = surface
+    num_edges, kept = np.int64(0), np.int64(0)
+    for face in range(num_faces):
+        x, y, z = corners[new, 0], corners[new, 1], corners[new, 2]
+        if planes[face, 0] * x + planes[face, 1] * y + planes[face, 2] * z <= planes[face, 3]:
+            _set_face(surface, kept, faces[face, 0], faces[face, 1], faces[face, 2])
+            kept += 1
+            continue
+        for i in range(3):
+            start, end, edge = faces[face, i], faces[face, (i + 1) % 3], 0
+            while edge < num_edges and (edges[edge, 0] != end or edges[edge, 1] != start):
+                edge += 1
+            if edge < num_edges:  # between two faces that are seen
+                num_edges -= 1
+                start, end = edges[num_edges, 0], edges[num_edges, 1]
+            else:
+                num_edges += 1
+            edges[edge, 0], edges[edge, 1] = start, end
+    if kept + num_edges > len(faces):
+        return np.int64(0)
+    for edge in range(num_edges):
+        _set_face(surface, kept + edge, edges[edge, 0], edges[edge, 1], new)
+    return kept + num_edges
+
+
+@inner
+def _set_face(surface, face, o, p, q):
+    """Writes the corners of a face, its unit normal, and its distance from the origin along it."""
+    corners, faces, planes = surface
+    faces[face, 0], faces[face, 1], faces[face, 2], planes[face, 3] = o, p, q, 0.0
+    square = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        across = (corners[p, j] - corners[o, j]) * (corners[q, k] - corners[o, k])
+        across -= (corners[p, k] - corners[o, k]) * (corners[q, j] - corners[o, j])
+        planes[face, i] = across
+        square += across * across
+    for i in range(3):
+        planes[face, i] /= np.sqrt(square)
+        planes[face, 3] += planes[face, i] * corners[o, i]

@@ -24,10 +24,10 @@ from selftouch_drake.robot.skins import SkinModel, make_skins
 class Postures:
     """Drake's view of a robot at one configuration after another; arguments as of `MakeRobot`."""
 
-    def __init__(self, experiment: Experiment, skins: Sequence[SkinModel], *, soft: bool):
+    def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
         builder = DiagramBuilder()
         scene_graph = builder.AddSystem(SceneGraph())
-        self.robot = MakeRobot(experiment, skins, scene_graph, soft=soft)
+        self.robot = MakeRobot(experiment, skins, scene_graph, soft=True)
         plant = self.robot.plant
         to_pose = builder.AddSystem(MultibodyPositionToGeometryPose(plant))
         builder.Connect(
@@ -56,10 +56,9 @@ class ContactProbe:
     """
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
-        self._postures = Postures(experiment, skins, soft=False)
-        self.robot = self._postures.robot
+        self.robot = MakeRobot(experiment, skins, SceneGraph(), soft=False)
         self._described = experiment, skins
-        self._collisions = CollisionCheck(self.robot, self._postures.query)
+        self._collisions = CollisionCheck(self.robot)
         self._imperfections = ImperfectSkins.of(experiment, skins)
 
     def sensations(self, q: np.ndarray) -> np.ndarray:
@@ -138,12 +137,12 @@ class ContactProbe:
 
     @cached_property
     def _soft_postures(self) -> tuple[Postures, SensorModel]:
-        postures = Postures(*self._described, soft=True)
+        postures = Postures(*self._described)
         return postures, SensorModel(postures.robot.skins, postures.robot.touchers)
 
-    def collision_depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """`(N,)` m, as `CollisionCheck.depth`."""
-        return self._collisions.depth(q, margin)
+    def impossible(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
+        """`(N,)` bool, as `CollisionCheck.impossible`."""
+        return self._collisions.impossible(q, margin)
 
 
 class World:

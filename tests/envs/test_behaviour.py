@@ -92,7 +92,7 @@ def test_postures_are_possible_and_firm():
     env = SelfTouchEnv("two_arms")
     random = np.random.default_rng(1)
     q = np.stack([possible_posture(env.world, random) for _ in range(5)])
-    assert not env.world.probe.collision_depth(q).any()
+    assert not env.world.probe.impossible(q).any()
     postures = FirmTouches(env.world)
     there, touches = postures.next(random)
     assert np.array_equal(env.world.probe.sensations(there[None]), touches.sensation)

@@ -109,7 +109,7 @@ def test_robots_stop_where_their_rigid_parts_meet():
         q = env.truth().q
         inside = ((q > lower) & (q < upper)).any(axis=1)
         stopped |= inside & (np.abs(observation["observation"][:, 14:]).max(axis=1) < 1e-6)
-        assert not env.world.probe.collision_depth(q).any()
+        assert not env.world.probe.impossible(q).any()
     assert stopped.any()
 
 

@@ -27,7 +27,7 @@ class DrakesPostures:
     """Evaluates every configuration by Drake's contact: slow, without screen and batches."""
 
     def __init__(self, world):
-        self._postures = Postures(world.experiment, world.skins, soft=True)
+        self._postures = Postures(world.experiment, world.skins)
         self.query, self.robot = self._postures.query, self._postures.robot
         self._sensor = SensorModel(self.robot.skins)
         self._imperfections = ImperfectSkins.of(world.experiment, world.skins)
@@ -60,7 +60,7 @@ def free(world, q):
     """Those of the configurations `q` in which nothing touches and no rigid parts meet."""
     apart = ~world.probe.sensations(q).any(axis=1)
     q = q[apart]
-    return q[world.probe.collision_depth(q) == 0]
+    return q[~world.probe.impossible(q)]
 
 
 @functools.cache

@@ -64,7 +64,7 @@ def touches(world):
     )
     touches = world.probe.touches(postures)
     touching = np.unique(touches.row)
-    kept = touching[world.probe.collision_depth(postures[touching]) == 0]
+    kept = touching[~world.probe.impossible(postures[touching])]
     of_kept = np.isin(touches.row, kept)
     return {
         "share": len(kept) / NUM_POSTURES,

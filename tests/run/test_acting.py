@@ -409,13 +409,13 @@ def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch
 def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, monkeypatch):
     steps = []
 
-    def depth(q, margin=0.0):
+    def impossible(q, margin=0.0):
         if margin:  # the agent asks before it acts
-            return np.zeros(len(q))
+            return np.zeros(len(q), dtype=bool)
         steps.append(len(q))
-        return np.where(np.arange(len(q)) < 5, 0.01, 0.0)
+        return np.arange(len(q)) < 5
 
-    monkeypatch.setattr(world.probe, "collision_depth", depth)
+    monkeypatch.setattr(world.probe, "impossible", impossible)
     run = with_pairs(run, 1)
     trials, _ = try_pairs(run, DrakeBodies(world), load_agent(run), stages.silent)
     figures = trial_metrics(trials)
@@ -427,7 +427,9 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
 
 
 def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, monkeypatch):
-    monkeypatch.setattr(world.probe, "collision_depth", lambda q, margin=0.0: np.ones(len(q)))
+    monkeypatch.setattr(
+        world.probe, "impossible", lambda q, margin=0.0: np.ones(len(q), dtype=bool)
+    )
     with pytest.raises(NoWayError, match=r"^no way to target 20 was found"):
         stages.plan(run, 3, 20)
     assert not list(run.path.glob("plans/*"))

@@ -15,13 +15,14 @@ from selftouch_drake.agent.representation.set_distances import linked_nearest, q
 #: What a route keeps short: its path on the `body`, or the motion of the `joints`.
 Prefer = Literal["body", "joints"]
 
-# Steps of joints cost this power of their length: in rad if a route prefers joints, in typical
-# steps if it prefers the body. Contact is lost on the longest tenth of the steps; to keep its path
-# on the body short, a route must avoid these alone. Measured on 100 plans on each of three runs
-# (torus twice, cube; 100,000 touches, 300 targets): with joints, the path is 1.63, 1.54, 1.45 times
-# the shortest (median), contact 99.8, 99.5, 99.5 %; with body 1.29, 1.22, 1.22 and 99.8, 99.8,
-# 99.5 %. If the length along the body counts twice, 1.20, 1.17, 1.15 and 99.6, 99.5, 98.9 %.
-_POWER = {"joints": 3.0, "body": 8.0}
+# Steps of joints cost this power of their squared length: in rad if a route prefers joints, in
+# typical steps if it prefers the body (a whole power takes less time). Contact is lost on the
+# longest tenth of the steps; to keep its path on the body short, a route must avoid these alone.
+# Measured on 100 plans on each of three runs (torus twice, cube; 100,000 touches, 300 targets): with
+# joints, the path is 1.63, 1.54, 1.45 times the shortest (median), contact 99.8, 99.5, 99.5 %; with
+# body 1.29, 1.22, 1.22 and 99.8, 99.8, 99.5 %. If the length along the body counts twice, 1.20,
+# 1.17, 1.15 and 99.6, 99.5, 98.9 %.
+_POWER = {"joints": 1.5, "body": 4}
 
 # Links between targets farther apart than this many spacings are leaps: they cut through the body.
 _LEAP_SPACINGS = 1.25
@@ -201,9 +202,9 @@ def carried_route(
         graph.way_offsets,
         graph.way_kernel,
         *graph.steps,
-        (penalty / unit**power)[graph.way_link],
+        (penalty / unit ** (2 * power))[graph.way_link],
         length[graph.way_link],
-        power / 2.0,
+        power,
         np.asarray(x_start, dtype=np.float32),
         start,
         goal,
@@ -223,7 +224,7 @@ def _carry(
     step_squared,
     factor,
     length,
-    half_power,
+    power,
     x_start,
     start,
     goal,
@@ -232,7 +233,7 @@ def _carry(
     num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1
-    cost, before = np.full(num_firm + 2, np.inf), np.empty(num_firm + 2, dtype=np.int64)
+    cost, before = np.full(num_firm + 2, np.inf), np.empty(num_firm + 2, dtype=np.int32)
     visits = np.zeros(num_kernels, dtype=np.int64)
     visited = np.empty((num_kernels, _MAX_VISITS), dtype=np.int64)
     cost[at_start], before[at_start] = 0.0, -1
@@ -267,7 +268,7 @@ def _carry(
             else:
                 entry = step_offsets[way] + place - firm_offsets[kernel]
                 to, step = step_row[entry], step_squared[entry]
-            onward = through + factor[way] * np.float64(step) ** half_power + length[way]
+            onward = through + factor[way] * np.float64(step) ** power + length[way]
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place
                 heapq.heappush(queue, (onward, to))

@@ -52,9 +52,8 @@ class RobotPage(FeelingRobot):
         self._q = q
         (felt,) = self._probe.sensations(q[None])
         self.show(q, felt)
-        (depth,) = self._probe.collision_depth(q[None])
         status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
-        if depth > 0:
+        if self._probe.impossible(q[None])[0]:
             status = "rigid parts run into each other: no posture of this robot"
         self.say(status)
 
