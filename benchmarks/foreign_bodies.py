@@ -317,10 +317,12 @@ class PyCub(Posed):
         self.joints = [joint_of[name][0] for name in names]
         limits = np.array([self.NEAR.get(name, joint_of[name][8:10]) for name in names]).T
         self.touching = {n for link, n in self.link_of.items() if link.startswith(toucher)}
-        # What can collide: the right arm, the left arm and the rest, each with the others.
+        # What can collide: the right forearm and hand, the left ones and the rest, each with the
+        # others. The convex pieces of chest and upper arms are in each other in half of all
+        # postures.
         for link, n in self.link_of.items():
             side = link[0] if link.split("_")[1:2] in (["hand"], ["forearm"]) else ""
-            group = {"r": 2, "l": 4}.get(side, 0 if "upper_arm" in link else 1)
+            group = {"r": 2, "l": 4}.get(side, 1)
             pybullet.setCollisionFilterGroupMask(self.robot, n, group, 7 - group, self.client)
         skin = folder / "iCub" / "skin" / "point_clouds"
         config = dict(line.split(";") for line in (skin / "config.txt").read_text().split())
@@ -329,7 +331,9 @@ class PyCub(Posed):
             points = _points(skin / f"{patch}.pcd")
             links += [config[patch]] * len(points)
             places.append(points[:, :3])
-            normals.append(points[:, 3:6])
+            # The normals of the torso are filed as pointing into it.
+            inward = np.sum((points[:, :3] - points[:, :3].mean(axis=0)) * points[:, 3:6]) < 0.0
+            normals.append(-points[:, 3:6] if inward else points[:, 3:6])
         self.reach, self.deepest, self.normals = reach, deepest, np.concatenate(normals)
         super().__init__(names, limits, links, np.concatenate(places))
         others = sorted(set(range(len(infos))) - set(self.joints))
