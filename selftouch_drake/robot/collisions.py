@@ -17,7 +17,8 @@ from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import as_mesh
 from selftouch_drake.robot.robot import Robot
 
-# m, differences are rounded by this, so that no two of their farthest points coincide.
+# m, differences are rounded by this, so that no two of their farthest points coincide; and by as
+# much as two shapes must be apart, since faces bound depths only.
 _ROUNDED = 1e-6
 # m, nearer to the limit, a pair passes for too deep.
 _SURE = 1e-7
@@ -162,14 +163,15 @@ def _too_deep(solids, X, a, b, allowed, surface, edges, n, w):
     expanding polytope of van den Bergen, 2001).
     """
     corners, _, planes = surface
-    allowed += _ROUNDED
-    if _farthest(solids, X, a, b, n, w) <= allowed:
+    ball = _ROUNDED + max(-allowed, 0.0)
+    allowed += ball
+    if _farthest(solids, X, a, b, ball, n, w) <= allowed:
         return False
     num_corners, num_faces = np.int64(4), np.int64(4)
     for corner in range(4):
         for i in range(3):
             n[i] = _FIRST[corner, i]
-        if _farthest(solids, X, a, b, n, corners[corner]) <= allowed:
+        if _farthest(solids, X, a, b, ball, n, corners[corner]) <= allowed:
             return False
     for face in range(4):
         o, p, q = _FIRST_FACES[face]
@@ -183,7 +185,7 @@ def _too_deep(solids, X, a, b, allowed, surface, edges, n, w):
             break
         for i in range(3):
             n[i] = planes[nearest, i]
-        far = _farthest(solids, X, a, b, n, corners[num_corners])
+        far = _farthest(solids, X, a, b, ball, n, corners[num_corners])
         if far <= allowed:
             return False
         if far - planes[nearest, 3] < _SURE:
@@ -194,15 +196,15 @@ def _too_deep(solids, X, a, b, allowed, surface, edges, n, w):
 
 
 @inner
-def _farthest(solids, X, a, b, n, w):
-    """Writes the point of a difference that is farthest along `n`; returns how far that is.
+def _farthest(solids, X, a, b, ball, n, w):
+    """Writes the point of a rounded difference that is farthest along `n`; returns how far it is.
 
-    Makes a unit vector of n.
+    Makes a unit vector of n; `ball` is the radius by which the difference is rounded, m.
     """
     size = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     for i in range(3):
         n[i] = n[i] / size if size > 0.0 else 1.0 / np.sqrt(3.0)
-        w[i] = _ROUNDED * n[i]
+        w[i] = ball * n[i]
     _add_farthest(solids, X, a, 1.0, n, w)
     _add_farthest(solids, X, b, -1.0, n, w)
     return n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
@@ -275,5 +277,5 @@ def _set_face(surface, face, o, p, q):
         planes[face, i] = across
         square += across * across
     for i in range(3):
-        planes[face, i] /= np.sqrt(square)
+        planes[face, i] /= max(np.sqrt(square), 1e-300)
         planes[face, 3] += planes[face, i] * corners[o, i]

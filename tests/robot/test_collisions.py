@@ -78,9 +78,10 @@ def brute_force(world, q):
     return depth
 
 
-def assert_as_deep(world, q):
+def assert_as_deep(world, q, margin=0.0):
     """Asserts that the postures are impossible in which Drake finds a pair too deep."""
-    impossible, depth = world.probe.impossible(q), brute_force(world, q).max(axis=1)
+    impossible = world.probe.impossible(q, margin)
+    depth = brute_force(world, q).max(axis=1) + margin
     # Drake's distances of round shapes are right to a few micrometres.
     known = np.abs(depth) > 1e-5
     np.testing.assert_array_equal(impossible[known], depth[known] > 0)
@@ -119,8 +120,11 @@ def test_two_shapes_of_each_kind_are_as_deep_in_each_other_as_in_drake(pair, tmp
         skins={"base": {"link": "base", "surface": {"shape": "sphere", "radius": 0.3}}},
         touching={"hand": {"frame": "hand_z", "radius": 0.01}},
     )
-    impossible = assert_as_deep(world, robots.anywhere(world.robot, 200, seed=0))
+    q = robots.anywhere(world.robot, 200, seed=0)
+    impossible = assert_as_deep(world, q)
     assert 20 < impossible.sum() < 190
+    apart = assert_as_deep(world, q, margin=0.02)  # none nearer than 15 mm
+    assert impossible.sum() < apart.sum() < 200
 
 
 def test_what_is_possible_for_an_infant_is_what_drake_s_signed_distances_allow():

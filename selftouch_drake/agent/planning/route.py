@@ -18,10 +18,10 @@ Prefer = Literal["body", "joints"]
 # Steps of joints cost this power of their squared length: in rad if a route prefers joints, in
 # typical steps if it prefers the body (a whole power takes less time). Contact is lost on the
 # longest tenth of the steps; to keep its path on the body short, a route must avoid these alone.
-# Measured on 100 plans on each of three runs (torus twice, cube; 100,000 touches, 300 targets): with
-# joints, the path is 1.63, 1.54, 1.45 times the shortest (median), contact 99.8, 99.5, 99.5 %; with
-# body 1.29, 1.22, 1.22 and 99.8, 99.8, 99.5 %. If the length along the body counts twice, 1.20,
-# 1.17, 1.15 and 99.6, 99.5, 98.9 %.
+# Measured on 100 plans on each of three runs (torus twice, cube; 100,000 touches, 300 targets):
+# with joints, the path is 1.63, 1.54, 1.45 times the shortest (median), contact 99.8, 99.5, 99.5 %;
+# with body 1.29, 1.22, 1.22 and 99.8, 99.8, 99.5 %. If the length along the body counts twice,
+# 1.20, 1.17, 1.15 and 99.6, 99.5, 98.9 %.
 _POWER = {"joints": 1.5, "body": 4}
 
 # Links between targets farther apart than this many spacings are leaps: they cut through the body.
