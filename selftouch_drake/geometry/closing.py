@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from selftouch_drake.geometry.geodesics import neighbouring_vertices
@@ -144,10 +142,8 @@ def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
         return piece.triangles
     # Edges with an odd number of triangles form closed loops. A fan of triangles around its middle
     # closes each.
-    shape = (len(piece.vertices), len(piece.vertices))
-    graph = coo_array((np.ones(len(rim)), tuple(rim.T)), shape=shape)
-    _, loop = connected_components(graph, directed=False)
-    _, loop = np.unique(loop[rim[:, 0]], return_inverse=True)
+    part = trimesh.graph.connected_component_labels(rim, len(piece.vertices))
+    _, loop = np.unique(part[rim[:, 0]], return_inverse=True)
     ends = piece.vertices[rim]
     sums = np.zeros((loop.max() + 1, 3))
     np.add.at(sums, loop, ends.mean(axis=1))

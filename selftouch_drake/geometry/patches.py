@@ -16,8 +16,7 @@ is larger. With hundreds of touches per target sensation, it is not.
 import math
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from selftouch_drake.geometry.geodesics import surface_paths
 from selftouch_drake.lazy import trimesh
@@ -97,7 +96,6 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
 
 def parts_by_vertex(faces: np.ndarray, num_vertices: int) -> tuple[np.ndarray, int]:
     """`(V,)` the connected part of each vertex; number of parts, isolated vertices included."""
-    ends = np.stack([faces[:, [0, 1]], faces[:, [1, 2]]]).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(ends[0])), tuple(ends)), shape=(num_vertices, num_vertices))
-    num_parts, part = connected_components(graph, directed=False)
-    return part, num_parts
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    part = trimesh.graph.connected_component_labels(edges, num_vertices)
+    return part, int(part.max()) + 1

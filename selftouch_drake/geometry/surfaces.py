@@ -48,7 +48,7 @@ def ellipsoid(
     _require_triangles(20 * pieces**2, resolution)
     surface = _split_edges(trimesh.creation.icosahedron(), pieces=pieces)
     directions = surface.vertices / np.linalg.norm(surface.vertices, axis=1, keepdims=True)
-    return _mesh(directions * semi_axes, surface.faces)
+    return trimesh.Trimesh(directions * semi_axes, surface.faces, process=False)
 
 
 def cube(side: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
@@ -105,7 +105,7 @@ def cylinder(radius: float, height: float, *, resolution: float = 0.02) -> trime
     distance = np.maximum(np.linalg.norm(xy, axis=1), 1e-12 * radius)
     vertices = prism.vertices.copy()
     vertices[:, :2] *= (radius * ring / distance)[:, None]
-    return _mesh(vertices, prism.faces)
+    return trimesh.Trimesh(vertices, prism.faces, process=False)
 
 
 def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
@@ -139,9 +139,10 @@ def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimes
     num_side = around * (rows + 1)
     upper_faces = cap_faces + num_side - around
     lower_faces = np.where(cap_faces < around, 0, num_side + len(upper) - around) + cap_faces
-    return _mesh(
+    return trimesh.Trimesh(
         np.concatenate([np.stack(side, axis=-1).reshape(-1, 3), upper, lower]),
         np.concatenate([side_faces, upper_faces, lower_faces[:, ::-1]]),
+        process=False,
     )
 
 
@@ -157,7 +158,8 @@ def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
     vertices = np.concatenate([[(0, 0, 1)], np.hstack([ring, heights]), [(0, 0, -1)]])
     k, n = np.arange(1, 6), np.roll(np.arange(1, 6), -1)
     bands = [(0 * k, k, n), (k, k + 5, n), (k + 5, n + 5, n), (0 * k + 11, n + 5, k + 5)]
-    sphere = _split_edges(_mesh(vertices, np.concatenate(bands, axis=1).T), pieces=pieces)
+    coarse = trimesh.Trimesh(vertices, np.concatenate(bands, axis=1).T, process=False)
+    sphere = _split_edges(coarse, pieces=pieces)
     directions = sphere.vertices / np.linalg.norm(sphere.vertices, axis=1, keepdims=True)
     faces = sphere.faces[directions[sphere.faces, 2].mean(axis=1) > 0]
     step = 2 * math.pi / (5 * pieces)
@@ -273,10 +275,6 @@ def _clean(surface: trimesh.Trimesh) -> trimesh.Trimesh:
     surface.update_faces(surface.nondegenerate_faces())
     surface.remove_unreferenced_vertices()
     return surface
-
-
-def _mesh(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
-    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _split_edges(surface: trimesh.Trimesh, *, pieces: int) -> trimesh.Trimesh:
