@@ -102,13 +102,12 @@ def map_receptors(
     sensation: np.ndarray,
     names: Sequence[str],
     *,
-    seed: int = 0,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> ReceptorMap:
     """Lays out receptors from `(n, J)` motor configurations and `(n, S)` sensations, touches all.
 
-    A receptor is active where its sensation is above 0. Names are S, for doubts; the seed is of the
-    touches that are drawn again for error bars; progress is called with the fraction done.
+    A receptor is active where its sensation is above 0. Names are S, for doubts; progress is
+    called with the fraction done.
 
     Raises:
         ValueError: fewer than eight receptors felt five touches or more.
@@ -121,10 +120,8 @@ def map_receptors(
             f"{len(known)} receptors felt {LEAST_FELT} touches or more; record touches until at "
             f"least {_LEAST_RECEPTORS} did"
         )
-    by_joints, leverage = _joint_predictor(np.asarray(q, dtype=float))
-    predicted, explained = _predicted(active[:, known], by_joints, leverage)
-    both = _cosines(_with_joints(active[:, known], predicted, explained))
-    label = connected_components(both >= _ALIKE)[1]
+    both, explained = _with_joints(active[:, known], np.asarray(q, dtype=float))
+    label = connected_components(_cosines(both) >= _ALIKE)[1]
     pieces = connected_components(_cosines(active[:, known]) >= _ALIKE)[1]
     order = np.argsort(-np.bincount(label), kind="stable").tolist()
     groups = [g for n in order if len(g := np.flatnonzero(label == n)) >= _LEAST_RECEPTORS]
@@ -139,7 +136,7 @@ def map_receptors(
         scale = np.median(spacings(places, 6))
         deviations = []
         for again in range(_NUM_RESAMPLED):
-            rng = np.random.default_rng([seed, number, again])
+            rng = np.random.default_rng([0, number, again])
             blocks = np.array_split(np.arange(len(rows)), _NUM_BLOCKS)
             drawn = [blocks[n] for n in rng.integers(_NUM_BLOCKS, size=_NUM_BLOCKS)]
             moved = lay_out.again(places, is_flat, np.concatenate(drawn))
@@ -179,13 +176,10 @@ class _Layout:
     def places(self) -> tuple[np.ndarray, bool, np.ndarray]:
         """`(m, 2)` places if the part is flat, else `(m, 3)`; whether it is; `(m, 3)` as if not."""
         start = {d: self._geodesic(np.arange(len(self.q)), d) for d in (2, 3)}
-        bent, plane = (
-            unfold(self.active, start[d], self.by_joints, _TRIAL).deviance for d in (3, 2)
-        )
+        bent, plane = (unfold(self.active, start[d], self.by_joints, _TRIAL)[1] for d in (3, 2))
         if plane > _FLAT * bent:
             return start[3], False, start[3]
-        unfolded = unfold(self.active, start[2], self.by_joints, _FULL).receptors
-        return unfolded, True, start[3]
+        return unfold(self.active, start[2], self.by_joints, _FULL)[0], True, start[3]
 
     def again(self, places: np.ndarray, is_flat: bool, rows: np.ndarray) -> np.ndarray:
         """The layout from other touches; receptors that none of them feels stay where they are."""
@@ -196,16 +190,13 @@ class _Layout:
             by_joints = _joint_predictor(self.q[rows])[0]
         there = active.any(axis=0)
         moved = places.copy()
-        moved[there] = align(
-            unfold(active[:, there], places[there], by_joints, _AGAIN).receptors, places[there]
-        )
+        unfolded, _ = unfold(active[:, there], places[there], by_joints, _AGAIN)
+        moved[there] = align(unfolded, places[there])
         return moved
 
     def _geodesic(self, rows: np.ndarray, dimension: int) -> np.ndarray:
-        active = self.active[rows]
-        predicted, _ = _predicted(active, *_joint_predictor(self.q[rows]))
-        cosines = _cosines(_with_joints(active, predicted, self.explained))
-        distance = np.arccos(np.clip(cosines, -1.0, 1.0))
+        both, _ = _with_joints(self.active[rows], self.q[rows], self.explained)
+        distance = np.arccos(np.clip(_cosines(both), -1.0, 1.0))
         edges = connected_edges(neighbour_edges(distance), distance)
         # Receptors that feel exactly the same touches are not at one place.
         along = geodesics(edges, np.maximum(distance[tuple(edges.T)], 1e-3), len(distance))
@@ -225,20 +216,23 @@ def _joint_predictor(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (basis * kept) @ basis.T, np.square(basis) @ kept
 
 
-def _predicted(
-    active: np.ndarray, by_joints: np.ndarray, leverage: np.ndarray
+def _with_joints(
+    active: np.ndarray, q: np.ndarray, explained: float | None = None
 ) -> tuple[np.ndarray, float]:
-    """`(n, S)` what joints predict to be felt, and the share they explain on touches left out."""
+    """What is felt, and below it what joints predict to be felt, if they tell the place.
+
+    Also returns the share that they explain on touches left out, unless it is given.
+    """
+    by_joints, leverage = _joint_predictor(q)
     centred = active - active.mean(axis=0)
     found = by_joints @ centred
-    missed = (centred - found) / np.maximum(1.0 - leverage, 1e-3)[:, None]
-    explained = 1.0 - np.square(missed).mean() / np.square(centred).mean()
-    return np.maximum(found + active.mean(axis=0), 0.0), float(explained)
-
-
-def _with_joints(active: np.ndarray, predicted: np.ndarray, explained: float) -> np.ndarray:
-    """What is felt, and below it what joints predict to be felt, if they tell the place."""
-    return np.concatenate([active, predicted]) if explained >= _LEAST_EXPLAINED else active
+    if explained is None:
+        missed = (centred - found) / np.maximum(1.0 - leverage, 1e-3)[:, None]
+        explained = float(1.0 - np.square(missed).mean() / np.square(centred).mean())
+    if explained < _LEAST_EXPLAINED:
+        return active, explained
+    predicted = np.maximum(found + active.mean(axis=0), 0.0)
+    return np.concatenate([active, predicted]), explained
 
 
 def _cosines(felt: np.ndarray) -> np.ndarray:

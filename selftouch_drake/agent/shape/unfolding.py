@@ -10,8 +10,6 @@ Three suppositions help where touches are few: receptors are much alike, they ar
 spread, and the place of a touch changes smoothly with the joints, where these tell the place.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
@@ -27,23 +25,10 @@ _ALIKE, _WIDTHS, _BY_JOINTS, _EVEN = 1.0, 0.1, 3.0, 3.0
 _TINY = 1e-4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Unfolded:
-    """Receptors and touches laid out together, in widths of a receptor's field.
-
-    Attributes:
-        receptors: `(S, d)` places.
-        deviance: what the layout leaves unexplained, as a share: 1 explains nothing.
-    """
-
-    receptors: np.ndarray
-    deviance: float
-
-
 @one_thread
 def unfold(
     active: np.ndarray, start: np.ndarray, by_joints: np.ndarray | None, num_iterations: int
-) -> Unfolded:
+) -> tuple[np.ndarray, float]:
     """Lays out receptors and touches.
 
     Args:
@@ -52,6 +37,10 @@ def unfold(
         by_joints: `(n, n)` predicts a quantity of touches from their joints, given all of it; None
             where joints do not tell the place.
         num_iterations: of L-BFGS.
+
+    Returns:
+        `(S, d)` places of the receptors, in widths of a receptor's field; and what the layout
+        leaves unexplained, as a share: 1 explains nothing.
     """
     (n, num), d = active.shape, start.shape[1]
     centre = (active @ start) / active.sum(axis=1)[:, None]
@@ -95,4 +84,4 @@ def unfold(
     log_odds, share = odds(*parted(found.x)), active.mean(axis=0)
     left = np.logaddexp(0.0, log_odds).sum() - (active * log_odds).sum()
     chance = np.logaddexp(0.0, logit := np.log(share / (1.0 + 1e-9 - share))) - share * logit
-    return Unfolded(receptors=parted(found.x)[0], deviance=float(left / (n * chance.sum())))
+    return parted(found.x)[0], float(left / (n * chance.sum()))
