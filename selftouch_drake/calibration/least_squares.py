@@ -168,7 +168,22 @@ def calibrate(contacts: Contacts, sensation: np.ndarray) -> Calibrated:
     held = np.diag(prior)
     held[:num, :num] += _HELD * unobservable.T @ unobservable
     v = _minimised(problem, v, held, middle)
-    return _with_intervals(problem, v, held, unobservable)
+    # Intervals from the residuals that are left, and the usual error of the model: it errs alike in
+    # readings of neighbours, so residuals alone make intervals too narrow.
+    now = problem.residuals(v)
+    _, normal, weight = _normal(problem, v, now, held)
+    error = np.square(now) @ weight / max(2 * m - len(v), 1) * _MODEL_ERROR**2
+    half = _QUANTILE * np.sqrt(error * np.maximum(np.diag(np.linalg.inv(normal)), 0.0))
+    off = np.bincount(receptor, np.square(now[:m])) / np.bincount(receptor)
+    offsets, _, _, places, _ = problem.parted(v)
+    return Calibrated(
+        offsets=offsets,
+        offset_interval=half[:num],
+        unobservable=unobservable,
+        places=places,
+        place_interval=half[num + 2 :][: 3 * problem.num_receptors].reshape(-1, 3),
+        suspect=np.sqrt(off) > _SUSPECT * np.sqrt(np.median(off)),
+    )
 
 
 def _normal(
@@ -207,28 +222,6 @@ def _minimised(
         if gained < 1e-4 * before:
             break
     return v
-
-
-def _with_intervals(
-    problem: _Problem, v: np.ndarray, prior: np.ndarray, unobservable: np.ndarray
-) -> Calibrated:
-    """Intervals from the residuals that are left, and the usual error of the model."""
-    num, m = problem.contacts.q.shape[1], len(problem.touch)
-    now = problem.residuals(v)
-    _, normal, weight = _normal(problem, v, now, prior)
-    # The model errs alike in readings of neighbours, so residuals alone make intervals too narrow.
-    error = np.square(now) @ weight / max(2 * m - len(v), 1) * _MODEL_ERROR**2
-    half = _QUANTILE * np.sqrt(error * np.maximum(np.diag(np.linalg.inv(normal)), 0.0))
-    off = np.bincount(problem.receptor, np.square(now[:m])) / np.bincount(problem.receptor)
-    offsets, _, _, places, _ = problem.parted(v)
-    return Calibrated(
-        offsets=offsets,
-        offset_interval=half[:num],
-        unobservable=unobservable,
-        places=places,
-        place_interval=half[num + 2 :][: 3 * problem.num_receptors].reshape(-1, 3),
-        suspect=np.sqrt(off) > _SUSPECT * np.sqrt(np.median(off)),
-    )
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
