@@ -133,7 +133,12 @@ class CheckedBody(AbstractContextManager):
                     f"{self.name} has no method {method}; write one, as "
                     "selftouch_drake.agent.body.Body describes it"
                 )
-        self.joint_names: Sequence[str] = self._names(self._attribute("joint_names"))
+        names = self._attribute("joint_names")
+        listed = () if isinstance(names, str) or not isinstance(names, Sequence) else tuple(names)
+        texts = all(isinstance(name, str) for name in listed)
+        if not listed or not texts or len(set(listed)) < len(listed):
+            raise self._wrong(f"joint_names is {shown(names)}; give a list of different names")
+        self.joint_names: Sequence[str] = listed
         self.lower, self.upper = self._limits("lower"), self._limits("upper")
         self.velocity, self.acceleration = self._limits("velocity"), self._limits("acceleration")
         for joint, name in enumerate(self.joint_names):
@@ -251,13 +256,6 @@ class CheckedBody(AbstractContextManager):
                 f"{name} is missing; set it, as selftouch_drake.agent.body.Body describes it"
             )
         return found
-
-    def _names(self, names: Any) -> tuple[str, ...]:
-        listed = () if isinstance(names, str) or not isinstance(names, Sequence) else tuple(names)
-        texts = all(isinstance(name, str) for name in listed)
-        if not listed or not texts or len(set(listed)) < len(listed):
-            raise self._wrong(f"joint_names is {shown(names)}; give a list of different names")
-        return listed
 
     def _limits(self, name: str) -> np.ndarray:
         """`(J,)` limits of the joints, read-only."""

@@ -59,7 +59,7 @@ def frame_after(plant: MultibodyPlant, experiment: Experiment, frame: Frame) -> 
 
 
 def skin_motion(
-    plant: MultibodyPlant, experiment: Experiment, name: str, link: RigidBody
+    plant: MultibodyPlant, experiment: Experiment, name: str
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """The displacement of a skin since it was made: a point p in its link's frame is at A p + b.
 
@@ -73,6 +73,7 @@ def skin_motion(
         what = change.skins.get(name, SkinChange())
         R = RollPitchYaw(np.radians(what.rpy_deg)).ToRotationMatrix().matrix()
         A, b = what.stretch * R @ A, what.stretch * R @ b + what.translation
+    link = find_link(plant, experiment.skins[name].link, f"skins.{name}.link")
     scale, shift = _growth(plant, experiment, link)
     return scale * A, scale * b + shift
 
@@ -179,9 +180,16 @@ def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel)
     for joint in moving:
         _require_range(joint)
     _give_actuators(plant, moving)
+    context = bare.CreateDefaultContext()
     for joint in joints:
         if joint.num_positions() and int(joint.index()) not in numbers:
-            _weld(plant, joint, bare)
+            # By name and model: a plant's elements are its own.
+            model_name = plant.GetModelInstanceName(joint.model_instance())
+            twin = bare.GetJointByName(joint.name(), bare.GetModelInstanceByName(model_name))
+            X_PC = twin.frame_on_child().CalcPose(context, twin.frame_on_parent())
+            name, ends = joint.name(), (joint.frame_on_parent(), joint.frame_on_child())
+            plant.RemoveJoint(joint)
+            plant.AddJoint(WeldJoint(f"{name}_fixed", *ends, X_PC))
 
 
 def _movable(plant: MultibodyPlant, name: str, field: str) -> Joint:
@@ -222,14 +230,3 @@ def _give_actuators(plant: MultibodyPlant, moving: Iterable[Joint]) -> None:
             plant.RemoveJointActuator(actuator)
     for joint in without.values():
         plant.AddJointActuator(f"{joint.name()}_actuator", joint)
-
-
-def _weld(plant: MultibodyPlant, joint: Joint, bare: MultibodyPlant) -> None:
-    # By name and model: a plant's elements are its own.
-    instance = bare.GetModelInstanceByName(plant.GetModelInstanceName(joint.model_instance()))
-    twin = bare.GetJointByName(joint.name(), instance)
-    context = bare.CreateDefaultContext()
-    X_PC = twin.frame_on_child().CalcPose(context, twin.frame_on_parent())
-    name, on_parent, on_child = joint.name(), joint.frame_on_parent(), joint.frame_on_child()
-    plant.RemoveJoint(joint)
-    plant.AddJoint(WeldJoint(f"{name}_fixed", on_parent, on_child, X_PC))

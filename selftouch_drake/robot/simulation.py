@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -61,7 +60,17 @@ def MakeDynamicStation(experiment: Experiment, skins: Sequence[SkinModel]) -> St
         scene_graph.get_source_pose_port(plant.get_source_id()),
     )
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
-    _add_gravity_compensation(builder, plant)
+    gravity = builder.AddNamedSystem(
+        "gravity_compensation",
+        InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),
+    )
+    builder.Connect(plant.get_state_output_port(), gravity.get_input_port_estimated_state())
+    # From joints to actuators, which may have another order.
+    to_actuators = builder.AddNamedSystem(
+        "actuation", MatrixGain(np.linalg.inv(plant.MakeActuationMatrix()))
+    )
+    builder.Connect(gravity.get_output_port_generalized_force(), to_actuators.get_input_port())
+    builder.Connect(to_actuators.get_output_port(), plant.get_actuation_input_port())
     _export_desired_state(builder, robot)
     touch = AddTactileSkin(builder, plant, scene_graph, robot.skins)
     builder.ExportOutput(plant.get_state_output_port(), "state")
@@ -98,20 +107,6 @@ def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
         if not soft & {int(link.index()) for link in pair.links}:
             a, b = (GeometrySet(list(ids)) for ids in pair.geometry_ids)
             filters.Apply(CollisionFilterDeclaration().AllowBetween(a, b))
-
-
-def _add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
-    gravity = builder.AddNamedSystem(
-        "gravity_compensation",
-        InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),
-    )
-    builder.Connect(plant.get_state_output_port(), gravity.get_input_port_estimated_state())
-    # From joints to actuators, which may have another order.
-    to_actuators = builder.AddNamedSystem(
-        "actuation", MatrixGain(np.linalg.inv(plant.MakeActuationMatrix()))
-    )
-    builder.Connect(gravity.get_output_port_generalized_force(), to_actuators.get_input_port())
-    builder.Connect(to_actuators.get_output_port(), plant.get_actuation_input_port())
 
 
 def _export_desired_state(builder: DiagramBuilder, robot: Robot) -> None:

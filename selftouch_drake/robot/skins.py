@@ -111,19 +111,18 @@ def make_skins(experiment: Experiment) -> "tuple[SkinModel, ...]":
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parse(plant, load_model(experiment.robot.directives, experiment.robot.packages))
 
-    def made(number: int, name: str, skin: Skin) -> "SkinModel":
-        link = find_link(plant, skin.link, f"skins.{name}.link")
-        return make_skin(
-            name,
-            skin,
-            plant,
-            scene_graph,
-            seed=receptor_seed(experiment.seed, number),
-            motion=skin_motion(plant, experiment, name, link),
-        )
-
     try:
-        return tuple(made(number, *each) for number, each in enumerate(experiment.skins.items()))
+        return tuple(
+            make_skin(
+                name,
+                skin,
+                plant,
+                scene_graph,
+                seed=receptor_seed(experiment.seed, number),
+                motion=skin_motion(plant, experiment, name),
+            )
+            for number, (name, skin) in enumerate(experiment.skins.items())
+        )
     except _OffSurfaceError as error:
         plant.Finalize()
         elsewhere = _elsewhere(error, plant, scene_graph, experiment.skins)

@@ -302,16 +302,15 @@ class TactileSkin(LeafSystem):
         output.SetFromVector(force)
 
     def _warn_of_points(self, contact: ContactResults) -> None:
-        for i in range(contact.num_point_pair_contacts()):
-            pair = contact.point_pair_contact_info(i).point_pair()
-            if pair.id_A in self._skin_ids or pair.id_B in self._skin_ids:
-                warnings.warn(
-                    "a skin is pressed by a geometry without hydroelastic properties, which it "
-                    "cannot feel; give that geometry AddRigidHydroelasticProperties",
-                    UnfeltContactWarning,
-                    stacklevel=2,
-                )
-                return
+        numbers = range(contact.num_point_pair_contacts())
+        pairs = (contact.point_pair_contact_info(i).point_pair() for i in numbers)
+        if any(not self._skin_ids.isdisjoint((pair.id_A, pair.id_B)) for pair in pairs):
+            warnings.warn(
+                "a skin is pressed by a geometry without hydroelastic properties, which it "
+                "cannot feel; give that geometry AddRigidHydroelasticProperties",
+                UnfeltContactWarning,
+                stacklevel=2,
+            )
 
 
 class SkinReadout(LeafSystem):
