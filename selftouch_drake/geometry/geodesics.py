@@ -50,11 +50,8 @@ def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
         np.ravel_multi_index(tuple(surface.edges_unique.T), edges.shape),
     )
     keep = on_surface | is_edge
-    i, j, length = i[keep], j[keep], length[keep]
-    return csr_matrix(
-        (np.tile(length, 2), (np.concatenate([i, j]), np.concatenate([j, i]))),
-        shape=edges.shape,
-    )
+    one_way = csr_matrix((length[keep], (i[keep], j[keep])), shape=edges.shape)
+    return one_way + one_way.T
 
 
 def neighbouring_vertices(surface: trimesh.Trimesh) -> csr_array:

@@ -80,12 +80,7 @@ def hollow_skin(surface: trimesh.Trimesh, thickness: float) -> HollowSkin:
     vertices = np.array(surface.vertices)
     faces = np.array(surface.faces)
     tetrahedra = _fill_prisms(faces, len(vertices))
-    inner_vertices, crushed = _inner_wall(surface, thickness, tetrahedra)
-    if crushed is not None:
-        raise ValueError(
-            f"thickness is {thickness:g} m, thicker than the surface allows near "
-            f"{point_text(crushed)} m; make the skin thinner or the surface larger"
-        )
+    inner_vertices = _inner_wall(surface, thickness, tetrahedra)
     return HollowSkin(
         vertices=vertices,
         faces=faces,
@@ -120,13 +115,13 @@ def vtk_text(skin: HollowSkin) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _inner_wall(
-    surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray
-) -> tuple[np.ndarray, np.ndarray | None]:
+def _inner_wall(surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray) -> np.ndarray:
     """Moves a surface inwards by one method after another, until its wall is valid.
 
-    Returns `(V, 3)` m, the inner vertices; and None, or an outer point where the wall of the last
-    attempt folds, is too thin or crosses itself.
+    Returns `(V, 3)` m, the inner vertices.
+
+    Raises:
+        ValueError: The wall of the last attempt folds, is too thin or crosses itself.
     """
     vertices, faces = surface.vertices, surface.faces
     # Distances to these samples exceed those to the surface by less than 1 % of the thickness.
@@ -149,8 +144,8 @@ def _inner_wall(
     # The smoothest steps come first. On a long limb they slide far along it, and into its ends.
     for slide_range in (np.inf, _SLIDE_RANGE * thickness):
         inner = vertices + thickness * _inward_steps(surface, slide_range)
-        if (point := crushed(inner)) is None:
-            return inner, None
+        if crushed(inner) is None:
+            return inner
     # Then a few vertices of a rugged surface are repaired: they move as their neighbours do where
     # the wall folds or crosses itself, and deeper where it is thin.
     steps = inner - vertices
@@ -172,8 +167,11 @@ def _inner_wall(
         away = (vertices + steps - cloud[nearest]) / np.maximum(distance, 1e-12)[:, None]
         steps += missing[:, None] * away
         if (point := crushed(vertices + steps)) is None:
-            break
-    return vertices + steps, point
+            return vertices + steps
+    raise ValueError(
+        f"thickness is {thickness:g} m, thicker than the surface allows near "
+        f"{point_text(point)} m; make the skin thinner or the surface larger"
+    )
 
 
 def _inward_steps(surface: trimesh.Trimesh, slide_range: float) -> np.ndarray:
