@@ -83,9 +83,13 @@ def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
         if "name" in columns:
             label = [f"{row} ({name})" for row, name in zip(label, columns["name"], strict=True)]
         numbers = {name: np.array(columns[name], float) for name in _USUAL if name in columns}
+        normal = None
+        if all(name in numbers for name in _NORMAL):
+            normal = np.stack([numbers[name] for name in _NORMAL], axis=1)
+            normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         table = ReceptorTable(
             p_LS=scale * np.stack([numbers[name] for name in _PLACE], axis=1),
-            normal=_normals(numbers),
+            normal=normal,
             width=scale * numbers["width"] if "width" in numbers else None,
             group=np.unique(columns["group"], return_inverse=True)[1]
             if "group" in columns
@@ -117,13 +121,6 @@ def _check(table: ReceptorTable) -> None:
     if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
         more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
         raise ValueError(f"has {table.those(doubled[0])} at one place{more}; leave one of them out")
-
-
-def _normals(numbers: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    if not all(name in numbers for name in _NORMAL):
-        return None
-    normal = np.stack([numbers[name] for name in _NORMAL], axis=1)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
 
 
 def _from_text(path: Path) -> Mapping[str, Any]:

@@ -178,7 +178,18 @@ def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel)
     for constraint in constraints:
         plant.RemoveConstraint(constraint)
     for joint in moving:
-        _require_range(joint)
+        lower, upper = joint.position_lower_limit(), joint.position_upper_limit()
+        lower, upper = (x if abs(x) < _NO_LIMIT else np.copysign(np.inf, x) for x in (lower, upper))
+        if isinstance(joint, PrismaticJoint) and not (np.isfinite(lower) and np.isfinite(upper)):
+            raise ExperimentError(
+                f"joint {joint.name()!r} slides without limits; give it limits in its model"
+            )
+        if lower >= upper:
+            raise ExperimentError(
+                f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot "
+                "move; correct its model, or name the other joints in robot.joints"
+            )
+        joint.set_position_limits([lower], [upper])
     _give_actuators(plant, moving)
     context = bare.CreateDefaultContext()
     for joint in joints:
@@ -204,21 +215,6 @@ def _movable(plant: MultibodyPlant, name: str, field: str) -> Joint:
 
 def _can_move(joint: Joint) -> bool:
     return isinstance(joint, RevoluteJoint | PrismaticJoint)
-
-
-def _require_range(joint: Joint) -> None:
-    lower, upper = joint.position_lower_limit(), joint.position_upper_limit()
-    lower, upper = (x if abs(x) < _NO_LIMIT else np.copysign(np.inf, x) for x in (lower, upper))
-    if isinstance(joint, PrismaticJoint) and not (np.isfinite(lower) and np.isfinite(upper)):
-        raise ExperimentError(
-            f"joint {joint.name()!r} slides without limits; give it limits in its model"
-        )
-    if lower >= upper:
-        raise ExperimentError(
-            f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot move; "
-            "correct its model, or name the other joints in robot.joints"
-        )
-    joint.set_position_limits([lower], [upper])
 
 
 def _give_actuators(plant: MultibodyPlant, moving: Iterable[Joint]) -> None:

@@ -112,10 +112,9 @@ class Neighbours:
                 if massless or (turns[before] and turns[joint] and at_one_place):
                     starts[joint] |= starts[before]
         self._adjacent = {
-            pair
+            frozenset((parent, child))
             for (_, child), reached in zip(ends, starts, strict=True)
             for parent in reached
-            for pair in ((parent, child), (child, parent))
         }
 
     def of(self, link: RigidBody) -> int:
@@ -124,7 +123,7 @@ class Neighbours:
 
     def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
         """Whether two links are one, or next to each other, or filtered by their models."""
-        if self.of(a) == self.of(b) or (self.of(a), self.of(b)) in self._adjacent:
+        if self.of(a) == self.of(b) or {self.of(a), self.of(b)} in self._adjacent:
             return True
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.
