@@ -96,7 +96,21 @@ def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
             else None,
             label=label,
         )
-        _check(table)
+        for what, valid in (
+            ("a place that is not finite", np.isfinite(table.p_LS).all(axis=1)),
+            ("a width that is not above 0", table.width is None or table.width > 0),
+        ):
+            if not np.all(valid):
+                raise ValueError(f"has {what} in {table.those(np.flatnonzero(~valid))}; correct it")
+        if len(table.p_LS) < 4:
+            raise ValueError(f"has {len(table.p_LS)} receptors; give at least 4")
+        # Lists of experiments do without.
+        from scipy.spatial import cKDTree
+
+        if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
+            more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
+            both = table.those(doubled[0])
+            raise ValueError(f"has {both} at one place{more}; leave one of them out")
     except OSError as error:
         raise ValueError(f"{file} cannot be read: {error.strerror or error}") from None
     except KeyError as error:
@@ -104,23 +118,6 @@ def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
     except ValueError as error:
         raise ValueError(f"{file} {' '.join(str(error).split())}") from None
     return table
-
-
-def _check(table: ReceptorTable) -> None:
-    for what, valid in (
-        ("a place that is not finite", np.isfinite(table.p_LS).all(axis=1)),
-        ("a width that is not above 0", table.width is None or table.width > 0),
-    ):
-        if not np.all(valid):
-            raise ValueError(f"has {what} in {table.those(np.flatnonzero(~valid))}; correct it")
-    if len(table.p_LS) < 4:
-        raise ValueError(f"has {len(table.p_LS)} receptors; give at least 4")
-    # Lists of experiments do without.
-    from scipy.spatial import cKDTree
-
-    if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
-        more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
-        raise ValueError(f"has {table.those(doubled[0])} at one place{more}; leave one of them out")
 
 
 def _from_text(path: Path) -> Mapping[str, Any]:

@@ -288,7 +288,13 @@ class Skin(Settings):
     @model_validator(mode="after")
     def _has_a_number(self) -> Self:
         if self.num_receptors is None:
-            object.__setattr__(self, "num_receptors", self._usual_number())
+            number = 100
+            if self.receptors is not None:
+                try:
+                    number = self.receptors.read().num_readings(self.reading.mode == "centre")
+                except ValueError as error:
+                    raise Mistake("receptors", f"{{path}} {error}") from None
+            object.__setattr__(self, "num_receptors", number)
         if self.receptors is None:
             shape, remedy = self.surface.shape, "give receptors a file, or another shape"
             require(shape != "receptors", "surface.shape", shape, remedy)
@@ -296,14 +302,6 @@ class Skin(Settings):
             require(number <= 1000, "num_receptors", number, "give at most 1000")
             require(mode != "centre", "reading.mode", mode, "give receptors a file with groups")
         return self
-
-    def _usual_number(self) -> int:
-        if self.receptors is None:
-            return 100
-        try:
-            return self.receptors.read().num_readings(self.reading.mode == "centre")
-        except ValueError as error:
-            raise Mistake("receptors", f"{{path}} {error}") from None
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)

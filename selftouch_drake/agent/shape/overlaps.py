@@ -52,7 +52,11 @@ def overlap_lengths(representation: QuotientRepresentation, skin: int) -> np.nda
     touches = rate * representation.kernel_sets.sizes[:, None]
     felt = touches.sum(axis=0)
     overlap = touches.T @ rate / np.sqrt(np.outer(felt, felt))
-    distance = np.where(overlap < _LEAST_OVERLAP, np.inf, _apart(overlap))
+    # Distance between two equal discs, in diameters, at which such a share overlaps.
+    apart = np.linspace(0.0, 1.0, 1001)
+    shared = 2 / np.pi * (np.arccos(apart) - apart * np.sqrt(1 - apart**2))
+    distance = np.maximum(np.interp(-overlap, -shared, apart), 1e-3)
+    distance[overlap < _LEAST_OVERLAP] = np.inf
     near = neighbour_edges(distance)
     if len(felt) < LEAST_KERNELS or component_labels(near, len(felt)).any():
         return None
@@ -73,13 +77,6 @@ def overlap_lengths(representation: QuotientRepresentation, skin: int) -> np.nda
     i, j = representation.edges.T
     mean = (by_chart[i, j] + by_chart[j, i]) / 2
     return np.maximum(mean, _SHORTEST * np.median(mean))
-
-
-def _apart(overlap: np.ndarray) -> np.ndarray:
-    """Distance between two equal discs, in diameters, at which such a share overlaps."""
-    apart = np.linspace(0.0, 1.0, 1001)
-    shared = 2 / np.pi * (np.arccos(apart) - apart * np.sqrt(1 - apart**2))
-    return np.maximum(np.interp(-overlap, -shared, apart), 1e-3)
 
 
 def _between_discs(rate: np.ndarray, middles: np.ndarray) -> np.ndarray:
