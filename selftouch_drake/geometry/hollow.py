@@ -168,6 +168,7 @@ def _inner_wall(surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarr
         steps += missing[:, None] * away
         if (point := crushed(vertices + steps)) is None:
             return vertices + steps
+    assert point is not None
     raise ValueError(
         f"thickness is {thickness:g} m, thicker than the surface allows near "
         f"{point_text(point)} m; make the skin thinner or the surface larger"
