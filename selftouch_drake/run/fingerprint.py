@@ -56,10 +56,9 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
             if skin[name] == newer[name]:
                 del skin[name]  # older runs know no other
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
-    if experiment.babbling.strategy == "random":
-        del kept["babbling"]["strategy"]  # older runs know no other
-    for name, usual in (("jumps", True), ("robot_hours", None), ("seek", "receptors")):
-        if kept["babbling"][name] == usual:
+    usual = {"strategy": "random", "jumps": True, "robot_hours": None, "seek": "receptors"}
+    for name, value in usual.items():
+        if kept["babbling"][name] == value:
             del kept["babbling"][name]  # likewise
     kept["models"] = list(digests.values())
     kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}

@@ -1,7 +1,6 @@
 """The sweep file: which experiments, which fields vary, which seeds."""
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Iterator
@@ -118,6 +117,7 @@ def nested(dotted: dict[str, Any]) -> dict[str, Any]:
     """`{"joints.noise": 0.1}` as `{"joints": {"noise": 0.1}}`."""
     result: dict[str, Any] = {}
     for name, value in dotted.items():
-        leaf = functools.reduce(lambda inner, key: {key: inner}, reversed(name.split(".")), value)
-        result = merged(result, leaf)
+        for key in reversed(name.split(".")):
+            value = {key: value}
+        result = merged(result, value)
     return result

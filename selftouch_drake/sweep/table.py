@@ -203,10 +203,9 @@ def _panel(panel: Axes, field: str, name: str, rows: list[Row]) -> None:
         for row in rows:
             if row["experiment"] == experiment and name in row:
                 found[at[str(row[field])]].append(row[name])
-        x = np.array(sorted(found))
-        low, middle, high = (
-            np.array([np.quantile(found[place], share) for place in x]) for share in (0, 0.5, 1)
-        )
+        x = sorted(found)
+        spread = [np.quantile(found[place], (0, 0.5, 1)) for place in x]
+        low, middle, high = np.reshape(spread, (-1, 3)).T
         metric = _metric(name)
         if metric is not None and metric.unit == "%":
             low, middle, high = 100 * low, 100 * middle, 100 * high
