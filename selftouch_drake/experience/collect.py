@@ -84,22 +84,18 @@ def collect_walk(
     if walker.timed:
         walker.begin_at(path.steps(1)[0])
 
-    def next_steps() -> Felt:
-        return walker.walk(path.steps(walker.batch))
-
     try:
-        return keep_touches(next_steps, body, walk, num_rows, most_s)
+        return keep_touches(
+            lambda: walker.walk(path.steps(walker.batch)), body, walk, num_rows, most_s
+        )
     except NeverTouchesError as error:
-        raise NeverTouchesError(f"{error}{_thresholds(experiment)}") from None
-
-
-def _thresholds(experiment: Experiment) -> str:
-    """What else may be the reason why nothing is touched: thresholds of skins."""
-    return "".join(
-        f", or lower skins.{name}.reading.threshold, which is {skin.reading.threshold:g} N"
-        for name, skin in experiment.skins.items()
-        if skin.reading.threshold is not None
-    )
+        # Thresholds of skins may be the reason as well.
+        thresholds = "".join(
+            f", or lower skins.{name}.reading.threshold, which is {skin.reading.threshold:g} N"
+            for name, skin in experiment.skins.items()
+            if skin.reading.threshold is not None
+        )
+        raise NeverTouchesError(f"{error}{thresholds}") from None
 
 
 def keep_touches(

@@ -122,11 +122,11 @@ class Shard:
 
     walk: int
     num_steps: int
-    num_impossible: int
+    num_impossible: int = 0
     step: np.ndarray
     q: np.ndarray
     sensation: np.ndarray
-    contacts: "Contacts | None"
+    contacts: Contacts | None = None
     robot_s: float = 0.0
 
     @property

@@ -129,11 +129,9 @@ def store(run: RunDirectory, data: Data) -> None:
         shard = Shard(
             walk=walk,
             num_steps=last - before,
-            num_impossible=0,
             step=rows,
             q=felt.q[first:end],
             sensation=felt.sensation[first:end],
-            contacts=None,
         )
         write_shard(run.path, shard, fingerprint=run.fingerprint())
     run.add_metrics(_metrics(data))

@@ -102,11 +102,9 @@ def _keep_met(run: RunDirectory, q: np.ndarray, sensation: csr_array) -> None:
     shard = Shard(
         walk=max((int(path.stem.removeprefix("part-")) for path in known), default=-1) + 1,
         num_steps=len(q),
-        num_impossible=0,
         step=np.arange(len(q)),
         q=q,
         sensation=sensation.toarray(),
-        contacts=None,
     )
     write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
 
