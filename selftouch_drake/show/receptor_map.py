@@ -26,7 +26,7 @@ def draw_map(found: ReceptorMap, path: Path) -> None:
     for ax, part in zip(np.ravel(figure.subplots(1, len(parts))), parts, strict=True):
         places = found.positions[part.receptors]
         places = places @ np.linalg.svd(places, full_matrices=False)[2].T
-        width = np.full(len(places), 1.0) * 2.0 * found.error[part.receptors]
+        width = 2.0 * found.error[part.receptors]
         circles = EllipseCollection(
             width, width, 0.0, units="xy", offsets=places[:, :2], offset_transform=ax.transData
         )

@@ -99,6 +99,10 @@ class SkinPath:
         """The points `(m, 3)` of each stretch without a break; at a break it touches elsewhere."""
         return np.split(self.points, np.flatnonzero(np.diff(self.rows) > 1) + 1)
 
+    def dots(self, spacing: float) -> np.ndarray:
+        """`(N, 3)` m, points `spacing` apart along all stretches."""
+        return np.concatenate([evenly_spaced(each, spacing) for each in self.stretches()])
+
     def at(self, row: int) -> np.ndarray | None:
         """`(3,)` m, position at an instant; None if it is on another skin."""
         found = np.flatnonzero(self.rows == row)

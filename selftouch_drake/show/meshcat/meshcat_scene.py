@@ -22,7 +22,7 @@ from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames, l
 from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot, put_text
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import SkinPath, evenly_spaced, typical_extent
+from selftouch_drake.show.skins import SkinPath, typical_extent
 from selftouch_drake.show.style import BLUE, GREEN, ORANGE, RECOVERED, VERMILION, VIEW
 
 # Postures of the experience that show where the skins move.
@@ -108,7 +108,8 @@ class MeshcatScene(FeelingRobot):
         """Draws the planned paths over the skins, from green to blue."""
         for number, path in enumerate(paths):
             root = f"{self._plan_roots[path.skin]}/path_{number}"
-            self._draw_dots(root, path, BLUE, spacing=0.008, point_size=0.007)
+            dots = _cloud(path.dots(0.008), BLUE)
+            self._meshcat.SetObject(f"{root}/dots", dots, point_size=0.007)
             for end, row, color in (("start", 0, GREEN), ("goal", num_rows - 1, BLUE)):
                 if (place := path.at(row)) is not None:
                     self._meshcat.SetObject(f"{root}/{end}", Sphere(0.014), rgba(color))
@@ -117,19 +118,14 @@ class MeshcatScene(FeelingRobot):
     def draw_trace(self, paths: Sequence[SkinPath]) -> None:
         """Draws the executed paths, in orange."""
         for number, path in enumerate(paths):
+            dots = _cloud(path.dots(0.004), ORANGE)
             root = f"{self._plan_roots[path.skin]}/trace_{number}"
-            self._draw_dots(root, path, ORANGE, spacing=0.004, point_size=0.005)
+            self._meshcat.SetObject(f"{root}/dots", dots, point_size=0.005)
 
     def clear_paths(self) -> None:
         """Removes all paths."""
         for root in self._plan_roots:
             self._meshcat.Delete(root)
-
-    def _draw_dots(
-        self, path: str, points: SkinPath, color: str, *, spacing: float, point_size: float
-    ) -> None:
-        dots = np.concatenate([evenly_spaced(s, spacing) for s in points.stretches()])
-        self._meshcat.SetObject(f"{path}/dots", _cloud(dots, color), point_size=point_size)
 
     def _draw_recovered(self, data: RunData) -> str:
         """Draws the recovered body, and returns its title."""

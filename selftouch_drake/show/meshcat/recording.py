@@ -27,30 +27,27 @@ def recording_page(data: RunData, targets: Targets) -> str:
     page, full = _recorded(data, targets)
     # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
     gc.collect()
-    title = f"{data.run.experiment.name}: sensation {' to '.join(map(str, targets))}"
-    return _with_legend(page, title, full)
+    name = data.run.experiment.name
+    title = html.escape(f"{name}: sensation {' to '.join(map(str, targets))}")
+    # What the colours mean, over Meshcat's page.
+    legend = f"""
+  <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
+              font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
+    <strong>{title}</strong><br>
+    The agent touches itself. Blue is its plan, from green to blue; orange is the path that it
+    took; red on the recovered body is where it feels itself. The more a receptor feels, the darker
+    it is, up to {full:.1f} N per receptor.
+  </div>
+"""
+    page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
+    head, end, tail = page.rpartition("</body>")
+    return head + legend + end + tail
 
 
 def _recorded(data: RunData, targets: Targets) -> tuple[str, float]:
     meshcat = open_meshcat()
     full = record(meshcat, data, targets)
     return meshcat.StaticHtml(), full
-
-
-def _with_legend(page: str, title: str, full: float) -> str:
-    """Lays a title and the meaning of the colours over Meshcat's page."""
-    legend = f"""
-  <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
-              font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
-    <strong>{html.escape(title)}</strong><br>
-    The agent touches itself. Blue is its plan, from green to blue; orange is the path that it
-    took; red on the recovered body is where it feels itself. The more a receptor feels, the darker
-    it is, up to {full:.1f} N per receptor.
-  </div>
-"""
-    page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>", 1)
-    head, end, tail = page.rpartition("</body>")
-    return head + legend + end + tail
 
 
 def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:

@@ -17,7 +17,7 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import SkinPath, SkinSurface, evenly_spaced
+from selftouch_drake.show.skins import SkinPath, SkinSurface
 from selftouch_drake.show.style import (
     BLUE,
     GREEN,
@@ -104,8 +104,7 @@ def _draw_paths(
     num_rows: int,
 ) -> None:
     none = np.zeros((0, 3))
-    stretches = [stretch for path in paths for stretch in path.stretches()]
-    dots = np.concatenate([none, *(evenly_spaced(each, _DOT_SPACING) for each in stretches)])
+    dots = np.concatenate([none, *(path.dots(_DOT_SPACING) for path in paths)])
     crosses = np.concatenate([none, *(path.points for path in known)])
     ends = [
         (end[None], color)

@@ -167,6 +167,7 @@ class PostureCamera:
         low, high = places.min(axis=0), places.max(axis=0)
         self._middle, self._size = (low + high) / 2, 1.05 * float((high - low).max())
 
+    @styled
     def picture(
         self, q: np.ndarray, felt: np.ndarray, trail: np.ndarray | None = None
     ) -> np.ndarray:
@@ -174,27 +175,22 @@ class PostureCamera:
 
         `trail` `(n, 3)` m are places on the skins, in the world, that are marked.
         """
-        figure = self._figure(q, felt, np.zeros((0, 3)) if trail is None else trail)
-        canvas = FigureCanvasAgg(figure)
-        figure.set_dpi(self._pixels)
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
-
-    @styled
-    def _figure(self, q: np.ndarray, felt: np.ndarray, trail: np.ndarray) -> Figure:
         # One inch wide: the resolution is the number of pixels.
-        figure = Figure(figsize=(1.0, 1.0))
+        figure = Figure(figsize=(1.0, 1.0), dpi=self._pixels)
         ax = add_scene(figure, figure.add_gridspec(1, 1, left=0, right=1, bottom=0, top=1)[0])
         skins, robot = self._placed(q), self._shape.at(q)
         colors = PRESSURE(np.clip(felt / FIRM, 0.0, 1.0))[:, :3]
         _draw_robot(ax, self._view, skins, robot, self._size, colors)
-        skin = as_one(skins)
-        trail = trail[visible(trail, skin.vertices, skin.faces, self._view, others=robot.links)]
-        x, y = self._view.project(trail)[:, :2].T
-        ax.scatter(x, y, s=0.15, color=BLUE, zorder=3)
+        if trail is not None:
+            skin = as_one(skins)
+            seen = visible(trail, skin.vertices, skin.faces, self._view, others=robot.links)
+            x, y = self._view.project(trail[seen])[:, :2].T
+            ax.scatter(x, y, s=0.15, color=BLUE, zorder=3)
         (x, y), half = self._middle, self._size / 2
         ax.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
-        return figure
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
     def _placed(self, q: np.ndarray) -> list[SkinSurface]:
         return all_moved(self._skins, self._robot.skin_positions(q[None])[0])
