@@ -119,8 +119,8 @@ def imported_experiment(
 
 def store(run: RunDirectory, data: Data) -> None:
     """Writes touches, calibration of the receptors, and where nothing was felt into the run."""
-    felt, last = data.felt, 0
-    run.keep_calibration(felt.calibration)
+    felt, calibration, last = data.felt, data.felt.calibration, 0
+    run.keep_calibration(calibration)
     save_arrays(run.free, free_rows(data, run.experiment.seed) | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()
     for walk, (first, end) in enumerate(zip([0, *ends], ends, strict=False)):
@@ -134,7 +134,22 @@ def store(run: RunDirectory, data: Data) -> None:
             sensation=felt.sensation[first:end],
         )
         write_shard(run.path, shard, fingerprint=run.fingerprint())
-    run.add_metrics(_metrics(data))
+    run.add_metrics(
+        {
+            "babbling_num_samples": len(felt.rows),
+            "import_num_rows": data.recording.num_rows,
+            "import_num_incomplete": data.recording.num_incomplete,
+            "import_num_null": len(felt.null),
+            "import_offset_median": float(np.median(calibration.offset)),
+            "import_drift_max": float(calibration.drift.max()),
+            "import_noise_median": float(np.median(calibration.noise)),
+            "import_threshold_median": float(np.median(calibration.threshold)),
+            "import_num_lone": felt.num_lone,
+            "import_num_fading": felt.num_fading,
+            **({"import_silent_receptors": data.silent} if data.silent else {}),
+            **({"import_still_joints": data.still} if data.still else {}),
+        }
+    )
 
 
 def free_rows(data: Data, seed: int) -> dict[str, np.ndarray]:
@@ -190,25 +205,6 @@ def _content(felt: Felt) -> str:
     for array in (felt.rows, felt.q.astype(np.float32), felt.sensation):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
-
-
-def _metrics(data: Data) -> dict[str, Any]:
-    felt, recording = data.felt, data.recording
-    calibration = felt.calibration
-    return {
-        "babbling_num_samples": len(felt.rows),
-        "import_num_rows": recording.num_rows,
-        "import_num_incomplete": recording.num_incomplete,
-        "import_num_null": len(felt.null),
-        "import_offset_median": float(np.median(calibration.offset)),
-        "import_drift_max": float(calibration.drift.max()),
-        "import_noise_median": float(np.median(calibration.noise)),
-        "import_threshold_median": float(np.median(calibration.threshold)),
-        "import_num_lone": felt.num_lone,
-        "import_num_fading": felt.num_fading,
-        **({"import_silent_receptors": data.silent} if data.silent else {}),
-        **({"import_still_joints": data.still} if data.still else {}),
-    }
 
 
 def summary(data: Data, experiment: Experiment) -> list[str]:
