@@ -200,7 +200,11 @@ class DrakeDynamicBody(_Joints):
             return self._jump_and_follow(time_s, q)
         self._go_to(q[0])
         began = self._simulation.time_s
-        self._simulation.lead_through(q[1:], self._on_samples(began + time_s[1:]))
+        # Samples are taken exactly at times from which sums of durations have drifted.
+        until, period = began + time_s[1:], self._simulation.log_period
+        nearest = period * np.rint(until / period)
+        until = np.where(np.abs(nearest - until) < _ROUNDING * period, nearest, until)
+        self._simulation.lead_through(q[1:], until)
         return self._followed(q, began)
 
     def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile) -> Followed:
@@ -216,12 +220,6 @@ class DrakeDynamicBody(_Joints):
         period = self._simulation.log_period
         self._simulation.advance_to(period * np.ceil(time_s[-1] / period - _ROUNDING))
         return self._followed(q, 0.0)
-
-    def _on_samples(self, time_s: np.ndarray) -> np.ndarray:
-        """Times at which samples are taken exactly, where sums of durations have drifted."""
-        period = self._simulation.log_period
-        nearest = period * np.rint(time_s / period)
-        return np.where(np.abs(nearest - time_s) < _ROUNDING * period, nearest, time_s)
 
     def _go_to(self, q: np.ndarray) -> None:
         """Goes to `(J,)` q, at rest: at once if it may jump, else in a straight line, slowly."""

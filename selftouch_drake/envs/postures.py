@@ -59,20 +59,17 @@ class FirmTouches:
             for k, (_, touches) in enumerate(self._left):
                 if contacts is None or contacts_of(touches) == contacts:
                     return self._left.pop(k)
-            self._left = self._found(random)
+            lower, upper = self._world.robot.babbled_range
+            q = random.uniform(lower, upper, (_BATCH, len(lower)))
+            rows, touches = self._world.probe.felt(q)
+            strength = np.linalg.norm(touches.sensation, axis=1)
+            firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
+            firm = firm[~self._world.probe.impossible(q[rows[firm]])]
+            self._left = [(q[rows[k]], touches.of_rows(np.array([k]))) for k in firm]
         raise ExperimentError(
             f"none of {_BATCH * _MOST_BATCHES} random postures makes the wanted touch; see what "
             "can touch what with `selftouch robot EXPERIMENT --show`"
         )
-
-    def _found(self, random: np.random.Generator) -> list[tuple[np.ndarray, Touches]]:
-        lower, upper = self._world.robot.babbled_range
-        q = random.uniform(lower, upper, (_BATCH, len(lower)))
-        rows, touches = self._world.probe.felt(q)
-        strength = np.linalg.norm(touches.sensation, axis=1)
-        firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
-        firm = firm[~self._world.probe.impossible(q[rows[firm]])]
-        return [(q[rows[k]], touches.of_rows(np.array([k]))) for k in firm]
 
 
 def contacts_of(touches: Touches) -> Contacts:

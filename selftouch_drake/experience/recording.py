@@ -75,14 +75,10 @@ class Recording:
     num_incomplete: int
     choices: Mapping[str, tuple[str, ...]]
 
-    def speeds(self) -> np.ndarray | None:
-        """`(m, J)` per second, between successive rows of a piece; None without time."""
-        if self.time_s is None:
-            return None
-        dt = np.diff(self.time_s)
+    def speeds(self) -> np.ndarray:
+        """`(m, J)` per second, between successive rows of a piece; none without time."""
+        dt = np.zeros(max(len(self.q) - 1, 0)) if self.time_s is None else np.diff(self.time_s)
         follows = (np.diff(self.piece) == 0) & (dt > 0)
-        if not follows.any():
-            return None
         return np.abs(np.diff(self.q.astype(float), axis=0)[follows]) / dt[follows, None]
 
 

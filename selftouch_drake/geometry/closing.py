@@ -179,14 +179,6 @@ class Solid:
         at = (p - self.origin) / self.cell
         return ndimage.map_coordinates(self.depth, at.T, order=1, mode="nearest")
 
-    def gradient_at(self, p: np.ndarray) -> np.ndarray:
-        """`(N, 3)` gradient of the depth at points `(N, 3)` m."""
-        steps = self.cell * np.eye(3)
-        ahead, behind = (
-            np.stack([self.depth_at(p + sign * step) for step in steps], axis=1) for sign in (1, -1)
-        )
-        return (ahead - behind) / (2 * self.cell)
-
 
 def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float) -> Solid:
     """Fills the volume that triangles enclose, closes its gaps, and rounds its edges.
@@ -289,11 +281,15 @@ def _relaxed(surface: trimesh.Trimesh, solid: Solid) -> trimesh.Trimesh:
     """Evens out the triangles while keeping their vertices on the surface of the solid."""
     edges = neighbouring_vertices(surface)
     num_neighbours = edges.sum(axis=1)[:, None]
-    p = np.array(surface.vertices)
+    p, steps = np.array(surface.vertices), solid.cell * np.eye(3)
     for _ in range(_RELAXATIONS):
         p = (p + edges @ p / num_neighbours) / 2
         for _ in range(2):
-            gradient = solid.gradient_at(p)
+            ahead, behind = (
+                np.stack([solid.depth_at(p + step) for step in sign * steps], axis=1)
+                for sign in (1, -1)
+            )
+            gradient = (ahead - behind) / (2 * solid.cell)
             slope = np.einsum("ni,ni->n", gradient, gradient)
             # In a crease the gradient is nearly zero: this bounds the steps.
             p -= (solid.depth_at(p) / np.maximum(slope, 0.25))[:, None] * gradient

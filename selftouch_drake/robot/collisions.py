@@ -20,10 +20,8 @@ from selftouch_drake.robot.robot import Robot
 # m, differences are rounded by this, so that no two of their farthest points coincide; and by as
 # much as two shapes must be apart, since faces bound depths only.
 _ROUNDED = 1e-6
-# m, nearer to the limit, a pair passes for too deep.
-_SURE = 1e-7
-# Most faces, and corners, of a surface inside a difference.
-_FACES = 400
+# Most faces, and corners, of a surface inside a difference; what needs more is at the limit.
+_FACES = 200
 # Directions of the first corners, and the first faces, counter-clockwise seen from outside.
 _FIRST = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 _FIRST_FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
@@ -34,17 +32,17 @@ class Solids(NamedTuple):
 
     Attributes:
         points: `(n, 3)` m, of all G shapes, each in the frame of its link.
-        ends: `(G + 1,)` where the points of each begin and end.
         axes: `(G, 3, 3)` m, the semi-axes of the ellipsoids, as columns in the frames of the links.
         centres: `(G, 3)` m, of balls that hold the shapes, in the frames of the links.
         radii: `(G,)` m, of these balls.
+        ends: `(G + 1,)` where the points of each shape begin and end.
     """
 
     points: np.ndarray
-    ends: np.ndarray
     axes: np.ndarray
     centres: np.ndarray
     radii: np.ndarray
+    ends: np.ndarray
 
 
 class CollisionCheck:
@@ -66,7 +64,8 @@ class CollisionCheck:
         }
         frames = [link.body_frame() for link in link_of.values()]
         self._kinematics = Kinematics.of(robot.plant, frames)
-        points, axes = [np.empty((0, 3))], list[np.ndarray]()
+        points, axes = [np.empty((0, 3))], [np.empty((0, 3, 3))]
+        centres, radii = [np.empty((0, 3))], list[float]()
         for geometry, link in link_of.items():
             try:
                 p_GP, semi_axes = _as_sum(inspector.GetShape(geometry))
@@ -76,28 +75,22 @@ class CollisionCheck:
                 ) from error
             X_LG = inspector.GetPoseInFrame(geometry)
             points.append(X_LG.multiply(p_GP.T).T)
-            axes.append(X_LG.rotation().matrix() * semi_axes)
-        centres = np.array([(p.min(axis=0) + p.max(axis=0)) / 2 for p in points[1:]])
-        reach = [
-            np.linalg.norm(p - centre, axis=1).max() + np.linalg.norm(M, axis=0).max()
-            for p, centre, M in zip(points[1:], centres, axes, strict=True)
-        ]
-        self._solids = Solids(
-            points=np.concatenate(points),
-            ends=np.cumsum([len(p) for p in points]),
-            axes=np.array(axes).reshape(-1, 3, 3),
-            centres=centres.reshape(-1, 3),
-            radii=np.array(reach),
-        )
+            axes.append(X_LG.rotation().matrix()[None] * semi_axes)
+            centres.append((points[-1].min(axis=0) + points[-1].max(axis=0))[None] / 2)
+            distance = np.linalg.norm(points[-1] - centres[-1], axis=1)
+            radii.append(distance.max() + semi_axes.max())
+        ends = np.cumsum([len(p) for p in points])
+        p, M, c = (np.concatenate(each) for each in (points, axes, centres))
+        self._solids = Solids(p, M, c, np.array(radii), ends)
         number = {geometry: k for k, geometry in enumerate(link_of)}
-        ends = [
+        pairs = [
             (number[a], number[b], pair.allowed_depth)
             for pair in robot.rigid_pairs
             for a in pair.geometry_ids[0]
             for b in pair.geometry_ids[1]
         ]
-        *pairs, self._allowed = np.array(ends).reshape(-1, 3).T
-        self._pairs = np.stack(pairs, axis=1).astype(np.int64)
+        self._pairs = np.array([pair[:2] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+        self._allowed = np.array([allowed for *_, allowed in pairs])
 
     def impossible(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` bool, whether rigid parts are too deep in each other at `q` `(N, J)`.
@@ -188,8 +181,6 @@ def _too_deep(solids, X, a, b, allowed, surface, edges, n, w):
         far = _farthest(solids, X, a, b, ball, n, corners[num_corners])
         if far <= allowed:
             return False
-        if far - planes[nearest, 3] < _SURE:
-            break
         num_faces = _expand(surface, num_corners, num_faces, edges)
         num_corners += 1
     return True

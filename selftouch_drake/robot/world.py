@@ -58,7 +58,7 @@ class ContactProbe:
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
         self.robot = MakeRobot(experiment, skins, SceneGraph(), soft=False)
         self._described = experiment, skins
-        self._collisions = CollisionCheck(self.robot)
+        self.impossible = CollisionCheck(self.robot).impossible
         self._imperfections = ImperfectSkins.of(experiment, skins)
 
     def sensations(self, q: np.ndarray) -> np.ndarray:
@@ -139,10 +139,6 @@ class ContactProbe:
     def _soft_postures(self) -> tuple[Postures, SensorModel]:
         postures = Postures(*self._described)
         return postures, SensorModel(postures.robot.skins, postures.robot.touchers)
-
-    def impossible(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """`(N,)` bool, as `CollisionCheck.impossible`."""
-        return self._collisions.impossible(q, margin)
 
 
 class World:

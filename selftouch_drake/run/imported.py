@@ -96,7 +96,10 @@ def imported_experiment(
     """
     recording, felt = data.recording, data.felt
     num_joints = len(recording.joints)
-    velocity = _speeds(recording) if max_velocity is None else np.full(num_joints, max_velocity)
+    velocity = np.full(num_joints, max_velocity or _DEFAULT_SPEED)
+    if max_velocity is None and len(speeds := recording.speeds()):
+        fast = np.quantile(speeds, _FAST, axis=0)
+        velocity = np.where(fast > 0, fast, velocity)
     acceleration = _ACCELERATION_PER_SPEED * velocity
     if max_acceleration is not None:
         acceleration[:] = max_acceleration
@@ -189,15 +192,6 @@ def write_trajectory(path: Path, motion: Motion, joints: list[str]) -> None:
     rows = np.hstack([motion.time_s[:, None], motion.q, motion.v])
     names = ["time_s", *joints, *(f"{name}_velocity" for name in joints)]
     write_csv(path, names, ([f"{number:.9g}" for number in row] for row in rows))
-
-
-def _speeds(recording: Recording) -> np.ndarray:
-    """`(J,)` rad/s or m/s, the recorded speed of each joint."""
-    speeds = recording.speeds()
-    if speeds is None:
-        return np.full(recording.q.shape[1], _DEFAULT_SPEED)
-    fast = np.quantile(speeds, _FAST, axis=0)
-    return np.where(fast > 0, fast, _DEFAULT_SPEED)
 
 
 def _content(felt: Felt) -> str:

@@ -21,7 +21,7 @@ from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.bodies.embodiment import World, pilot_in
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
 from selftouch_drake.files import load_arrays, save_arrays
@@ -67,7 +67,11 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     wall_before = run.metrics().get("babbling_wall_s", 0.0)
     bodies = run_bodies(run)
     if bodies.world is not None:
-        _save_skins(run, bodies.world)
+        surfaces = {"receptor_skin": bodies.world.receptor_skin}
+        for skin in bodies.world.skins:
+            for name in ("vertices", "faces", "p_LS"):
+                surfaces[f"{skin.name}_{name}"] = getattr(skin.fields, name)
+        save_arrays(run.skin, surfaces | run.body_stamp())
     elif isinstance(bodies, LivingBody) and run.known_calibration() is None:
         progress(0.0, "readings at rest")
         run.keep_calibration(bodies.calibrate(run.experiment))
@@ -108,16 +112,6 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     if bodies.world is not None:
         found |= touch_metrics(run, bodies.world)
     run.add_metrics(found)
-
-
-def _save_skins(run: RunDirectory, world: World) -> None:
-    """Stores receptors and surfaces of the skins: the truth."""
-    surfaces = {"receptor_skin": world.receptor_skin}
-    for skin in world.skins:
-        surfaces[f"{skin.name}_vertices"] = skin.fields.vertices
-        surfaces[f"{skin.name}_faces"] = skin.fields.faces
-        surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
-    save_arrays(run.skin, surfaces | run.body_stamp())
 
 
 def learn(

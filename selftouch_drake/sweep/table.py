@@ -115,7 +115,7 @@ def draw_figures(table: pa.Table, folder: Path) -> list[Path]:
     for field in fields:
         chosen = _along(field, rows, fields)
         names = dict.fromkeys(name for row in rows for name in row if name not in others)
-        changing = [name for name in names if _changes(name, chosen)]
+        changing = [n for n in names if len({row[n] for row in chosen if n in row}) > 1]
         if len({str(row[field]) for row in chosen}) < 2 or not changing:
             continue
         path = folder / f"{field}.png"
@@ -143,22 +143,10 @@ def _numbers(table: pa.Table) -> list[Row]:
     return rows
 
 
-def _changes(name: str, rows: list[Row]) -> bool:
-    return len({row[name] for row in rows if name in row}) > 1
-
-
 def label(name: str) -> str:
-    """A column in words: `skins.body.num_receptors` is "number of receptors (skins.body)"."""
+    """A column as the table names it, with the unit of its metric."""
     metric = _metric(name)
-    if metric is None:
-        owner, _, words = name.rpartition(".")
-        notes = [owner]
-    else:
-        words, _, part = name.partition(".")
-        notes = [part, metric.unit]
-        words = words.removesuffix(f"_{metric.unit}")
-    words = words.replace("num_", "number of ").replace("_fraction", "").replace("_", " ")
-    return f"{words} ({', '.join(filter(None, notes))})" if any(notes) else words
+    return f"{name} ({metric.unit})" if metric is not None and metric.unit else name
 
 
 def _metric(name: str) -> Metric | None:

@@ -163,10 +163,9 @@ def test_pictures_are_drawn_of_what_varied(tmp_path):
 
 
 def test_panels_have_words_and_only_what_changes_has_one():
-    assert label("skins.body.num_receptors") == "number of receptors (skins.body)"
-    assert label("seed") == "seed"
-    assert label("execution_contact_worst") == "execution contact worst (%)"
-    assert label("shape_rms_fraction_by_metric.motor") == "shape rms by metric (motor, %)"
+    assert label("skins.body.num_receptors") == "skins.body.num_receptors"
+    assert label("execution_contact_worst") == "execution_contact_worst (%)"
+    assert label("shape_rms_fraction_by_metric.motor") == "shape_rms_fraction_by_metric.motor (%)"
     rows = [{"topology_betti[0]": 1, "parts_found": 1}, {"topology_betti[0]": 1, "parts_found": 2}]
     assert [name for name in rows[0] if _changes(name, rows)] == ["parts_found"]
 

@@ -119,7 +119,12 @@ class Planner:
             # Where the previous leg ends decides the route of this one.
             if here != goal:
                 if lift_off:
-                    here, mode = self._fly(way, goal, memory)
+                    # Through the air to the nearest touch of the goal.
+                    members = goal_members(self.representation, goal)
+                    row = self._nearest(way.end, members, memory)
+                    here, mode = goal, int(self.representation.kernel_mode[row])
+                    x_goal = self._rows_x[row].astype(float)
+                    way.move(goal, x_goal, self._joints(mode), in_air=True)
                 elif here is None or mode == NO_MODE or not self._graphs[mode].joins(here, goal):
                     here, mode = self._land(way, goal, mode, memory)
             if here != goal:
@@ -146,13 +151,6 @@ class Planner:
         off = np.square(self.representation.scaled(self.representation.kernel_q[members]) - x)
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
-
-    def _fly(self, way: Waypoints, goal: int, memory: RehearsalMemory) -> tuple[int, int]:
-        """Moves through the air to the nearest touch of `goal`; returns its kernel and mode."""
-        row = self._nearest(way.end, goal_members(self.representation, goal), memory)
-        mode = int(self.representation.kernel_mode[row])
-        way.move(goal, self._rows_x[row].astype(float), self._joints(mode), in_air=True)
-        return goal, mode
 
     def _land(
         self, way: Waypoints, goal: int, mode: int, memory: RehearsalMemory

@@ -84,7 +84,9 @@ def one_ring(edges: np.ndarray, num_kernels: int) -> csr_array:
 
 def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
     """`(K,)` the component of each kernel; 0 is the largest."""
-    _, label = connected_components(_sparse(edges, np.ones(len(edges)), num_kernels), False)
+    ends = tuple(np.asarray(edges).reshape(-1, 2).T)
+    graph = csr_array((np.ones(len(edges)), ends), shape=(num_kernels, num_kernels))
+    _, label = connected_components(graph, False)
     by_size = np.argsort(-np.bincount(label), kind="stable")
     return np.argsort(by_size)[label]
 
@@ -169,12 +171,6 @@ def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
     total = np.bincount(edges.ravel(), np.repeat(length, 2))
     spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
     return length / np.sqrt(spacing[i] * spacing[j])
-
-
-def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_array:
-    # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
-    i, j = np.asarray(edges).reshape(-1, 2).T
-    return csr_array((np.asarray(length, dtype=float), (i, j)), shape=(num_kernels, num_kernels))
 
 
 def _first_five(items: Iterable[object]) -> str:
