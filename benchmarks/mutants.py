@@ -263,8 +263,8 @@ MUTANTS = (
     Mutant(
         name="collisions: parts may overlap a centimetre more",
         file="robot/collisions.py",
-        old="-distance - (allowed - margin)",
-        new="-distance - (allowed - margin) - 0.01",
+        old="self._allowed - margin",
+        new="self._allowed - margin + 0.01",
         first=("tests/robot/test_collisions.py",),
     ),
 )

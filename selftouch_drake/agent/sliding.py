@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from selftouch_drake.agent.body import Body, Felt
@@ -121,22 +122,21 @@ class Slider:
         length = np.linalg.norm(x[:, None] - x, axis=2)
         goal = len(x) - 1
         length[0, goal] = length[goal, 0] = 0.0  # no edge: the straight way is not a detour
-        checked = np.zeros(length.shape, dtype=bool)
+        graph, checked = csr_array(length), np.zeros(length.shape, dtype=bool)
         for _ in range(_MOST_CHECKS if self.body.jumps else _MOST_TRAVELLED):
-            total, before = dijkstra(length, indices=0, return_predecessors=True)
+            total, before = dijkstra(graph, indices=0, return_predecessors=True)
             if not np.isfinite(total[goal]):
                 return None
             way = [goal]
             while way[-1] != 0:
                 way.append(int(before[way[-1]]))
-            way.reverse()
-            unsure = [(i, j) for i, j in pairwise(way) if not checked[i, j]]
+            unsure = [(i, j) for i, j in pairwise(way[::-1]) if not checked[i, j]]
             if not unsure:
-                return x[way[1:-1]]
+                return x[way[-2:0:-1]]
             i, j = unsure[0]
             checked[i, j] = checked[j, i] = True
             if not self.feel_along(straight(x[i], x[j])).reached.all():
-                length[i, j] = length[j, i] = 0.0
+                graph[i, j] = graph[j, i] = np.inf
         return None
 
     def slope(self, x: np.ndarray, joints: np.ndarray | None = None) -> np.ndarray:

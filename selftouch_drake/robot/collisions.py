@@ -9,7 +9,7 @@ of the time of Drake's signed distances, which took half of the time of an infan
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Cylinder, Ellipsoid, Shape, Sphere
+from pydrake.geometry import Capsule, Cylinder, Ellipsoid, Shape, Sphere
 
 from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.experiment import ExperimentError
@@ -100,8 +100,7 @@ class CollisionCheck:
         found = np.zeros(len(q), dtype=np.bool_)
         if len(self._pairs):
             X_WL = self._kinematics.poses(q)
-            p_WC = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._solids.centres) + X_WL[..., 3]
-            _collide(self._solids, X_WL, p_WC, self._pairs, self._allowed - margin, found)
+            _collide(self._solids, X_WL, self._pairs, self._allowed - margin, found)
         return found
 
 
@@ -121,23 +120,27 @@ def _as_sum(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         if isinstance(shape, kind):
             length, semi_axes = of(shape)
             return np.array([[0, 0, -length / 2], [0, 0, length / 2]]), np.array(semi_axes)
-    mesh = as_mesh(shape)
-    return np.array((mesh if isinstance(shape, Box) else mesh.convex_hull).vertices), np.zeros(3)
+    return np.array(as_mesh(shape).convex_hull.vertices), np.zeros(3)
 
 
 @compiled
-def _collide(solids, X_WL, p_WC, pairs, allowed, found):
+def _collide(solids, X_WL, pairs, allowed, found):
     """Writes which `(N,)` rows of `X_WL`, `(N, G, 3, 4)` m, have a pair that is too deep.
 
-    Allowed are `(P,)` m for the `(P, 2)` pairs; `p_WC` `(N, G, 3)` m are the centres of the balls.
+    Allowed are `(P,)` m for the `(P, 2)` pairs.
     """
+    p_WC = np.empty_like(solids.centres)
     n, w, edges = np.empty(3), np.empty(3), np.empty((3 * _FACES, 2), dtype=np.int64)
     surface = np.empty((_FACES, 3)), np.empty((_FACES, 3), dtype=np.int64), np.empty((_FACES, 4))
     for row in range(len(X_WL)):
+        for part in range(len(p_WC)):
+            for i in range(3):
+                x, c = X_WL[row, part, i], solids.centres[part]
+                p_WC[part, i] = x[0] * c[0] + x[1] * c[1] + x[2] * c[2] + x[3]
         for pair in range(len(pairs)):
             a, b, square = pairs[pair, 0], pairs[pair, 1], 0.0
             for i in range(3):
-                n[i] = p_WC[row, b, i] - p_WC[row, a, i]
+                n[i] = p_WC[b, i] - p_WC[a, i]
                 square += n[i] * n[i]
             near = max(solids.radii[a] + solids.radii[b] - allowed[pair], 0.0)
             if square >= near * near:

@@ -96,7 +96,7 @@ def imported_experiment(
     """
     recording, felt = data.recording, data.felt
     num_joints = len(recording.joints)
-    velocity = np.full(num_joints, max_velocity or _DEFAULT_SPEED)
+    velocity = np.full(num_joints, _DEFAULT_SPEED if max_velocity is None else max_velocity)
     if max_velocity is None and len(speeds := recording.speeds()):
         fast = np.quantile(speeds, _FAST, axis=0)
         velocity = np.where(fast > 0, fast, velocity)

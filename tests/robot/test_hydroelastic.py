@@ -49,7 +49,7 @@ EXPERIMENTS = (
 
 def drake_touches(world, q):
     """Drake's result: all contact surfaces at every configuration."""
-    postures = Postures(world.experiment, world.skins, soft=True)
+    postures = Postures(world.experiment, world.skins)
     surfaces = (
         (row, Faces.of(surface))
         for row, at in enumerate(q)

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pyarrow as pa
 import pytest
+from matplotlib.figure import Figure
 
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_representation
@@ -14,7 +15,6 @@ from selftouch_drake.run.executors import InTurn
 from selftouch_drake.sweep.design import load_sweep
 from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep
 from selftouch_drake.sweep.table import (
-    _changes,
     draw_figures,
     figure_names,
     gather,
@@ -162,12 +162,27 @@ def test_pictures_are_drawn_of_what_varied(tmp_path):
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 
 
-def test_panels_have_words_and_only_what_changes_has_one():
+def test_panels_have_units_and_only_what_changes_has_one(tmp_path, monkeypatch):
     assert label("skins.body.num_receptors") == "skins.body.num_receptors"
     assert label("execution_contact_worst") == "execution_contact_worst (%)"
     assert label("shape_rms_fraction_by_metric.motor") == "shape_rms_fraction_by_metric.motor (%)"
-    rows = [{"topology_betti[0]": 1, "parts_found": 1}, {"topology_betti[0]": 1, "parts_found": 2}]
-    assert [name for name in rows[0] if _changes(name, rows)] == ["parts_found"]
+    drawn = []
+    monkeypatch.setattr(
+        "selftouch_drake.sweep.table._draw",
+        lambda field, rows, names: drawn.append((field, names)) or Figure(),
+    )
+    table = pa.table(
+        {
+            "run": ["a", "b"],
+            "experiment": ["cube", "cube"],
+            "seed": [0, 0],
+            "skins.body.num_receptors": [50, 100],
+            "topology_betti": [[1, 0, 1], [1, 0, 1]],
+            "parts_found": [1, 2],
+        }
+    ).replace_schema_metadata({"selftouch.fields": "skins.body.num_receptors"})
+    draw_figures(table, tmp_path)
+    assert drawn == [("skins.body.num_receptors", ["parts_found"])]
 
 
 def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
