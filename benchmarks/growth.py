@@ -38,15 +38,16 @@ def measure(name: str, overrides: dict, num_touches: int) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--touches", type=int, default=2000, help="of each robot")
-    touches = parser.parse_args().touches
+    parser.add_argument("--robots", nargs="+", default=ROBOTS, help="shipped experiments")
+    options = parser.parse_args()
     print("| experiment | joints | skins | receptors | built in (s) | steps that touch ", end="")
     print("| µs a stored touch | µs a step |")
     print("|---" * 8 + "|")
-    for name in ROBOTS:
-        print(measure(name, {}, touches), flush=True)
+    for name in options.robots:
+        print(measure(name, {}, options.touches), flush=True)
     for number in RECEPTORS:
         skins = {"skins": {"body": {"num_receptors": number}}}
-        print(measure("sphere", skins, touches), flush=True)
+        print(measure("sphere", skins, options.touches), flush=True)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
     python benchmarks/notebooks.py                    # all of them
     python benchmarks/notebooks.py trust two_fingers
 
-Messages on stderr, such as progress, are left out. Pictures are stored with few colours.
+Messages on stderr, such as progress, are left out. Pictures are stored with few colours. By default
+`learn_to_reach` runs only where Stable-Baselines3 is installed.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import base64
 import io
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import nbformat
@@ -56,7 +58,11 @@ def run(path: Path, folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="of notebooks; all by default")
-    names = parser.parse_args().names or sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
+    names = parser.parse_args().names or sorted(
+        path.stem
+        for path in NOTEBOOKS.glob("*.ipynb")
+        if path.stem != "learn_to_reach" or find_spec("stable_baselines3")
+    )
     # Notebooks leave their runs in `../runs`, for one another.
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / "notebooks"

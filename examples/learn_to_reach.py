@@ -90,22 +90,47 @@ class Robots(VecEnv):
 
 
 class Until(BaseCallback):
-    """Ends training after some seconds, and says how it goes."""
+    """Ends training after some seconds, and says how it goes.
+
+    Attributes:
+        curve: seconds, steps, shares of the robots that touch, and that feel what they want.
+    """
 
     def __init__(self, seconds):
         super().__init__()
-        self.seconds, self.said = seconds, 0.0
+        self.seconds, self.curve, self.since = seconds, [], []
 
     def _on_training_start(self):
         self.began = time.monotonic()
 
     def _on_step(self):
-        now = time.monotonic() - self.began
-        if now >= self.said + 30.0:
-            self.said = now
-            touching = self.training_env.touches.mean()
-            print(f"{now:4.0f} s, {self.num_timesteps:9,} steps: {touching:.0%} touch", flush=True)
+        robots, now = self.training_env, time.monotonic() - self.began
+        self.since.append((robots.touches.mean(), robots.reached.mean()))
+        if now >= (self.curve[-1][0] if self.curve else 0.0) + self.seconds / 20:
+            touching, reached = np.mean(self.since, axis=0)
+            self.curve.append((now, self.num_timesteps, touching, reached))
+            said = f"{touching:.0%} touch, {reached:.0%} feel what they want"
+            print(f"{now:4.0f} s, {self.num_timesteps:9,} steps: {said}", flush=True)
+            self.since = []
         return now < self.seconds
+
+
+def train_policy(seconds):
+    """A policy, and how its training went, as of `Until`."""
+    policy = PPO(
+        "MultiInputPolicy",
+        Robots(64),
+        n_steps=128,
+        batch_size=2048,
+        n_epochs=5,
+        gamma=0.98,
+        policy_kwargs={"net_arch": [256, 256]},
+        seed=0,
+        device="cpu",
+    )
+    until = Until(seconds)
+    policy.learn(10**9, callback=until)
+    return policy, until.curve
 
 
 def score_policy(policy, num_tasks, num_steps=200):
@@ -147,18 +172,7 @@ def score_agent(num_tasks):
 
 def main(seconds=600.0, num_tasks=200):
     """Trains the policy, scores both, and returns their shares of tasks."""
-    policy = PPO(
-        "MultiInputPolicy",
-        Robots(64),
-        n_steps=128,
-        batch_size=2048,
-        n_epochs=5,
-        gamma=0.98,
-        policy_kwargs={"net_arch": [256, 256]},
-        seed=0,
-        device="cpu",
-    )
-    policy.learn(10**9, callback=Until(seconds))
+    policy, _ = train_policy(seconds)
     in_the_end, ever = score_policy(policy, num_tasks)
     planned, takes_s, learned_s = score_agent(num_tasks)
     print(f"policy: {in_the_end:.0%} of {num_tasks} tasks reached in the end, {ever:.0%} at all")

@@ -160,14 +160,13 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
 
     def _as_far_as_possible(self, wanted: np.ndarray) -> np.ndarray:
         """`(N, J)` where the robots get on their straight ways to the wanted configurations."""
-        impossible = self.world.probe.impossible
-        hit = np.flatnonzero(impossible(wanted - self._slip))
+        hit = np.flatnonzero(self.world.probe.impossible(wanted - self._slip))
         if len(hit):
             start, way = self._q[hit], wanted[hit] - self._q[hit]
             share = np.zeros((len(hit), 1))
             for halving in range(1, _HALVINGS + 1):
                 farther = share + 0.5**halving
-                free = ~impossible(start + farther * way - self._slip)
+                free = ~self.world.probe.impossible(start + farther * way - self._slip)
                 share[free] = farther[free]
             wanted[hit] = start + share * way
         return wanted

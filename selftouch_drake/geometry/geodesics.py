@@ -50,8 +50,8 @@ def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
         np.ravel_multi_index(tuple(surface.edges_unique.T), edges.shape),
     )
     keep = on_surface | is_edge
-    one_way = csr_matrix((length[keep], (i[keep], j[keep])), shape=edges.shape)
-    return one_way + one_way.T
+    ends, length = np.stack([i[keep], j[keep]]), np.tile(length[keep], 2)
+    return csr_matrix((length, np.concatenate([ends, ends[::-1]], axis=1)), shape=edges.shape)
 
 
 def neighbouring_vertices(surface: trimesh.Trimesh) -> csr_array:

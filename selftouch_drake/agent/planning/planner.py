@@ -120,11 +120,9 @@ class Planner:
             if here != goal:
                 if lift_off:
                     # Through the air to the nearest touch of the goal.
-                    members = goal_members(self.representation, goal)
-                    row = self._nearest(way.end, members, memory)
-                    here, mode = goal, int(self.representation.kernel_mode[row])
-                    x_goal = self._rows_x[row].astype(float)
-                    way.move(goal, x_goal, self._joints(mode), in_air=True)
+                    at = self._nearest(way.end, goal_members(self.representation, goal), memory)
+                    here, mode = goal, int(self.representation.kernel_mode[at])
+                    way.move(goal, self._rows_x[at].astype(float), self._joints(mode), in_air=True)
                 elif here is None or mode == NO_MODE or not self._graphs[mode].joins(here, goal):
                     here, mode = self._land(way, goal, mode, memory)
             if here != goal:
