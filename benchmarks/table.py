@@ -65,14 +65,14 @@ def cost(checkout: Path, *arguments: str, folder: Path) -> tuple[float, float]:
 
 
 def beside(work: str, costs: dict[str, list[tuple[float, float]]]) -> Row:
-    """A row of wall and CPU times, medians over the turns of each version."""
-    ours, before = (np.median(costs[name], axis=0) for name in ("ours", "before"))
-    return Row(
-        work,
-        f"{ours[0]:.1f} s ({ours[1]:.1f} s of processor)",
-        f"version before: {before[0]:.1f} s ({before[1]:.1f} s)",
-        before[0] / ours[0],
-    )
+    """A row of wall and CPU times, medians over the turns of each version that there is."""
+    clock, spent = np.median(costs["ours"], axis=0)
+    row = Row(work, f"{clock:.1f} s ({spent:.1f} s of processor)", "")
+    if "before" not in costs:
+        return row
+    before = np.median(costs["before"], axis=0)
+    alternative = f"version before: {before[0]:.1f} s ({before[1]:.1f} s)"
+    return replace(row, alternative=alternative, ratio=before[0] / clock)
 
 
 def touch_rows(turns: int) -> Iterator[Row]:
@@ -103,11 +103,10 @@ def run_rows(versions: dict[str, Path], folder: Path, touches: int) -> Iterator[
         who: [cost(checkout, "run", "cube", "--out", str(folder / f"demo-{who}"), folder=folder)]
         for who, checkout in versions.items()
     }
-    if "before" in versions:
-        for name, costs in babbled.items():
-            yield beside(f"{touches:,} touches, {name}", costs)
-        yield beside(f"learn {touches:,} touches, 1000 targets", learned)
-        yield beside("`make demo`, installed and compiled", demo)
+    for name, costs in babbled.items():
+        yield beside(f"{touches:,} touches, {name}", costs)
+    yield beside(f"learn {touches:,} touches, 1000 targets", learned)
+    yield beside("`make demo`, installed and compiled", demo)
 
 
 def start_rows(versions: dict[str, Path], folder: Path, turns: int) -> Iterator[Row]:
@@ -125,11 +124,7 @@ def start_rows(versions: dict[str, Path], folder: Path, turns: int) -> Iterator[
                 run = [str(folder / f"demo-{who}")] if what == "plan" else []
                 spent = cost(checkout, what, *run, *options, folder=folder)
                 costs.setdefault(who, []).append(spent)
-        if "before" in costs:
-            yield beside(f"`selftouch {what}`", costs)
-        else:
-            clock, spent = np.median(costs["ours"], axis=0)
-            yield Row(f"`selftouch {what}`", f"{clock:.1f} s ({spent:.1f} s of processor)", "")
+        yield beside(f"`selftouch {what}`", costs)
 
 
 def query_row(run: RunDirectory, num_pairs: int, *, alone: bool = False) -> Iterator[Row]:
