@@ -5,8 +5,9 @@ p + v` and `n = |w|` that is
 
     p + t u + a1 w x u + a2 w x (w x u),   a1 = (1 - cos n t) / n^2,   a2 = (n t - sin n t) / n^3
 
-which turns where w is not zero, slides along v where it is, and is smooth in between. The scale of a
-joint's reading is part of its twist: no unit is assumed (Brockett 1984; Lynch and Park 2017, 3.3).
+which turns where w is not zero, slides along v where it is, and is smooth in between. The scale of
+a joint's reading is part of its twist: no unit is assumed (Brockett 1984; Lynch and Park 2017,
+3.3).
 """
 
 import math
@@ -216,7 +217,8 @@ def shifted(
 
     Args:
         twists: `(L, 6)` from the place where the chain begins.
-        center, scale: `(L,)` of the readings.
+        center: `(L,)` of the readings.
+        scale: `(L,)` of the readings.
 
     Returns:
         `(L, 6)` twists for `q`, in the frame of all at `q = 0`, and `(4, 4)` what carries a point
