@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover
 from selftouch_drake.bodies.embodiment import World
+from selftouch_drake.evaluation.body_model import place_errors, summary
 from selftouch_drake.evaluation.coverage import coverage
 from selftouch_drake.evaluation.parts import TouchCounts, TruePart, true_parts
 from selftouch_drake.evaluation.shape import (
@@ -31,12 +33,17 @@ _LEAST_FOR_RANKS = 25
 
 
 def score_body(
-    run: RunDirectory, world: World, representation: QuotientRepresentation, body: RecoveredBody
+    run: RunDirectory,
+    world: World,
+    representation: QuotientRepresentation,
+    body: RecoveredBody,
+    model: BodyModel,
 ) -> Metrics:
     """Scores what was learned against the truth.
 
     With several fingers on one hand, a kernel is a pose of the hand and not a place on a skin: all
-    metrics that compare places are absent.
+    metrics that compare places are absent, but for those of a body model, in which each finger has
+    a place of its own.
     """
     fields = [skin.fields for skin in world.skins]
     counts = TouchCounts(fields, ExperienceReader(run.truth).contacts())
@@ -45,6 +52,8 @@ def score_body(
     )
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
     truth = kernel_truth(representation, contacts, world.receptor_skin)
+    errors = place_errors(model, representation, contacts, truth)
+    metrics |= summary(errors, [skin.name for skin in world.skins])
     if not truth.is_surface:
         return metrics
     wanted = run.experiment.evaluation.shape_metrics

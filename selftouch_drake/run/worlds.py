@@ -163,7 +163,11 @@ def make_world(run: RunDirectory) -> World:
 
 
 def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
-    """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes."""
+    """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes.
+
+    The run keeps the names of their joints.
+    """
+    run.keep_joint_names(bodies.world.robot.joint_names if bodies.world else bodies.joint_names)
     if (world := bodies.world) is not None:
         kept_skins(run.cache, run.fingerprint(), world)
     elif isinstance(bodies, LivingBody):
