@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from pathlib import Path
 from typing import NamedTuple
 
 from selftouch_drake.cli import cli, exit_status
@@ -36,3 +37,12 @@ def refused(*words) -> str:
     (line,) = done.stderr.strip().splitlines()
     assert done.stdout == ""
     return line.removeprefix("selftouch: ")
+
+
+def files_below(folder: Path) -> dict[str, bytes]:
+    """The content of every file in a folder and its folders, by its path there."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }

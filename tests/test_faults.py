@@ -35,7 +35,7 @@ NUM_SHARDS = 4
 
 
 def command(verb, *arguments):
-    return [sys.executable, "-m", "selftouch_drake.cli", verb, *map(str, arguments)]
+    return [sys.executable, "-m", "selftouch_drake", verb, *map(str, arguments)]
 
 
 def babble(run, *more):

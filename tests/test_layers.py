@@ -13,6 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "selftouch_drake"
 # Rooms on one line do not import each other.
 LAYERS = (
+    ("__main__",),
     ("cli",),
     ("sweep", "envs"),
     ("show",),
@@ -91,6 +92,7 @@ def test_every_package_has_a_layer():
         ("robot/world.py", "def f():\n    import selftouch_drake.agent"),
         ("robot/world.py", "if TYPE_CHECKING:\n    from selftouch_drake import show"),
         ("robot/world.py", "from ..evaluation import coverage"),
+        ("run/stages.py", "from selftouch_drake.cli.stages import progress_bar"),
         ("files.py", "from .resources import MODELS"),
         ("agent/agent.py", "from selftouch_drake.experience import ExperienceReader"),
         ("agent/agent.py", "from selftouch_drake.files import load_arrays"),
@@ -107,7 +109,7 @@ def test_an_import_that_points_up_is_found(module, text):
     [
         ("agent/agent.py", "from selftouch_drake.geometry import farthest_points"),
         ("agent/shape/recovery.py", "from ..representation import quotient"),
-        ("cli.py", "from selftouch_drake import __version__"),
+        ("cli/__init__.py", "from selftouch_drake import __version__"),
     ],
 )
 def test_an_import_that_points_down_is_let_through(module, text):

@@ -10,7 +10,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-import click
+from selftouch_drake.run.warning_lines import one_line_warnings
 
 #: Shards whose results may wait: bounds the memory, and keeps a few machines busy.
 SHARDS_AHEAD = 16
@@ -34,18 +34,6 @@ def local_executor(num_workers: int | None = None) -> Executor:
 def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     warnings.showwarning = one_line_warnings(warnings.showwarning)
-
-
-def one_line_warnings(others: Callable[..., None]) -> Callable[..., None]:
-    """Shows warnings of this package as one line; what is `others` shows the others."""
-
-    def show(message, category, *where, **options) -> None:
-        if category.__module__.startswith("selftouch_drake."):
-            click.echo(f"selftouch: warning: {message}", err=True)
-        else:
-            others(message, category, *where, **options)
-
-    return show
 
 
 def map_ahead(

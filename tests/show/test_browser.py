@@ -187,7 +187,7 @@ def test_the_recovered_body_turns_and_answers(chromium, reported, tmp_path):
 @contextmanager
 def playing(run):
     """A process that plays a run, and the lines that it prints."""
-    command = [sys.executable, "-m", "selftouch_drake.cli", "play", str(run.path)]
+    command = [sys.executable, "-m", "selftouch_drake", "play", str(run.path)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},

@@ -1,0 +1,197 @@
+"""Commands for data from elsewhere: import them, map and calibrate skins, score other methods."""
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import click
+
+from selftouch_drake.cli.options import OUT, RUN, SET, numbers
+from selftouch_drake.cli.stages import progress_bar
+
+
+@click.command("import")
+@click.argument("data", metavar="DATA", type=click.Path(path_type=Path))
+@OUT
+@click.option(
+    "--q",
+    metavar="COLUMNS",
+    help="Joint positions: a column of arrays, or a pattern such as 'joint_*' for one column per "
+    "joint.",
+)
+@click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
+@click.option("--time", metavar="COLUMN", help="Seconds, to compute the speeds of the joints.")
+@click.option(
+    "--rows",
+    metavar="COLUMN=VALUE",
+    multiple=True,
+    help="Import only rows with this value, or one of several with commas between them.",
+)
+@click.option("--delimiter", help="Between the columns of CSV.  [default: as in the first line]")
+@click.option(
+    "--offset",
+    type=float,
+    help="Reading of a receptor at rest; 0 for pressures.  [default: estimated]",
+)
+@click.option(
+    "--threshold", type=float, help="Smallest reading above rest that counts.  [default: estimated]"
+)
+@click.option(
+    "--rising/--falling",
+    default=None,
+    help="Whether readings rise with pressure.  [default: estimated]",
+)
+@click.option(
+    "--filter",
+    "filtering",
+    type=click.Choice(["none", "median"]),
+    help="Median of three rows against spikes.  [default: where there are spikes]",
+)
+@click.option(
+    "--max-velocity", type=float, help="Limit of plans, rad/s or m/s.  [default: as recorded, or 1]"
+)
+@click.option(
+    "--max-acceleration",
+    type=float,
+    help="Limit of plans, rad/s² or m/s².  [default: 5 times the velocity]",
+)
+@SET
+def import_data(
+    data: Path,
+    out: Path | None,
+    max_velocity: float | None,
+    max_acceleration: float | None,
+    overrides: dict[str, Any],
+    **how: Any,
+) -> None:
+    """Begin a run with data recorded by another robot.
+
+    DATA is a Parquet, CSV or NPZ file, or a folder of them, with joint positions and raw readings
+    of the skin in each row. `learn`, `plan`, `live` and `report` work on such a run; `execute` and
+    `evaluate` need a body of your own, with --body.
+    """
+    from selftouch_drake.run import imported
+    from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.naming import default_path
+
+    read = imported.read_data(data, **how)
+    experiment = imported.imported_experiment(
+        read, overrides=overrides, max_velocity=max_velocity, max_acceleration=max_acceleration
+    )
+    directory = RunDirectory.create(out or default_path(experiment.name, overrides), experiment)
+    with directory.writing():
+        imported.store(directory, read)
+    for line in imported.summary(read, experiment):
+        click.echo(line)
+    click.echo(f"run: {directory.path}")
+
+
+@click.command("map")
+@click.argument("source", metavar="FILE_OR_RUN", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Folder for map.csv and map.png.  [default: RUN]"
+)
+@click.option("--q", metavar="COLUMNS", help="Joint positions, as in `selftouch import`.")
+@click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
+@click.option("--rows", metavar="COLUMN=VALUE", multiple=True, help="Rows to read, likewise.")
+@click.option("--offset", type=float, help="Reading of a receptor at rest, likewise.")
+@click.option("--threshold", type=float, help="Smallest reading that counts, likewise.")
+@click.option(
+    "--touches",
+    type=click.IntRange(min=20),
+    default=1000,
+    show_default=True,
+    help="Most touches to take, evenly over all.",
+)
+def map_receptors(source: Path, out: Path | None, touches: int, **how: Any) -> None:
+    """Find where the receptors are, from few touches.
+
+    FILE_OR_RUN is a run directory, or data as `selftouch import` reads. Only which receptors feel a
+    touch counts, not how strongly. Give readings of one skin: two skins that touch each other are
+    taken for one.
+    """
+    from selftouch_drake.agent.shape import receptor_map
+    from selftouch_drake.run.receptor_map import read_touches, summary, write_map
+    from selftouch_drake.show.receptor_map import draw_map
+
+    given = {name: value for name, value in how.items() if value not in (None, ())}
+    q, sensation, names = read_touches(source, touches, given)
+    with progress_bar("map") as progress:
+
+        def report(done: float) -> None:
+            progress(done, "receptors")
+
+        found = receptor_map.map_receptors(q, sensation, names, progress=report)
+    folder = out or (source if source.is_dir() else source.with_suffix(""))
+    write_map(folder / "map.csv", found, names)
+    draw_map(found, folder / "map.png")
+    for line in summary(found):
+        click.echo(line)
+    click.echo(f"map: {folder / 'map.csv'}\npicture: {folder / 'map.png'}")
+
+
+@click.command()
+@RUN
+@click.option("--robot", type=click.Path(path_type=Path), required=True, help="Its model file.")
+@click.option("--link", required=True, help="The link of the model that wears the skin.")
+@click.option("--frame", required=True, help="The frame of the model that touches.")
+@click.option(
+    "--radius",
+    type=click.FloatRange(min=0.0),
+    default=0.01,
+    show_default=True,
+    help="Radius of what touches, a ball, in m.",
+)
+@click.option(
+    "--receptors",
+    callback=numbers(int),
+    metavar="FIRST,LAST",
+    help="The receptors on the link.  [default: all]",
+)
+def calibrate(
+    run: Path, robot: Path, link: str, frame: str, radius: float, receptors: list[int] | None
+) -> None:
+    """Find receptors in metres, and joint offsets.
+
+    Needs a model of the robot, and so is no part of the naive agent. Touches should be gentle.
+    """
+    from selftouch_drake.run.calibrated import calibrate_run
+
+    for line in calibrate_run(run, robot, link, frame, radius, receptors):
+        click.echo(line)
+
+
+@click.command()
+@click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
+@click.option(
+    "--recording", metavar="NAME_OR_PATH", required=True, help="As in torus_1, or a file."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
+def score(file: Path, recording: str, as_json: bool) -> None:
+    """Score what any other method makes of a recording.
+
+    FILE is an .npz archive with one of `touch_places` (a row for each touch), `receptor_places` and
+    `distances`, and if you like `rows`, `parts` and `plans`. The figures are those of `evaluate`.
+    """
+    from selftouch_drake.run.judged import judge
+
+    found = judge(file, recording)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(found, indent=2))
+    else:
+        _print_metrics(found)
+
+
+def _print_metrics(found: dict[str, Any]) -> None:
+    """Prints metrics, by their keys, as a table with the target of each."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from selftouch_drake.run.metrics import readings
+
+    table = Table("metric", "value", "target")
+    for reading in itertools.chain(*readings(found).values()):
+        table.add_row(reading.name, reading.value, reading.metric.target)
+    Console().print(table)

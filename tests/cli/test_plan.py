@@ -1,0 +1,63 @@
+"""Commands that plan and execute, as a user sees them."""
+
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+from commands import files_below, refused, selftouch
+
+from selftouch_drake.agent.motions import NO_KERNEL
+from selftouch_drake.cli.plan import route_in_words, tracking_in_words
+
+
+def test_stages_one_by_one(finished_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(finished_run, run)
+    planned = selftouch("plan", run, "--from", 0, "--to", 59)
+    assert planned.status == 0, planned.stderr
+    assert planned.stdout.startswith("route: 0 ")
+    executed = selftouch("execute", run, "--from", 0, "--to", 59)
+    assert executed.status == 0, executed.stderr
+    assert "in contact: " in executed.stdout
+
+
+def test_target_out_of_range_is_refused(finished_run):
+    before = files_below(finished_run)
+    for verb in ("plan", "execute"):
+        line = refused(verb, finished_run, "--from", 0, "--to", 60)
+        assert line == "--to is 60; this run has target sensations 0 to 59"
+    assert files_below(finished_run) == before
+
+
+def test_a_plan_through_the_air_is_shown():
+    def route(nodes, in_air):
+        plan = SimpleNamespace(nodes=np.array(nodes), in_air=np.array(in_air, dtype=bool))
+        return route_in_words(SimpleNamespace(plan=plan))
+
+    assert route([3, 17, 120, 131], [False, True, False]) == "3 17 | lifts off | 120 131"
+    off = "off 120 7\n       off: nothing is felt there"
+    assert route([NO_KERNEL, 120, 7], [True, False]) == off
+    again = "10 228 10* 240\n       *: felt again, in another posture"
+    assert route([10, 228, 10, 240], [False, False, False]) == again
+    assert route([5], []) == "5"
+
+
+def test_tracking_is_given_in_the_unit_of_each_joint():
+    def tracking(world, off):
+        planned = np.ones((4, 3))
+        execution = SimpleNamespace(q_measured=planned + off, motion=SimpleNamespace(q=planned))
+        return tracking_in_words(execution, world)
+
+    def world(turns, slip):
+        return SimpleNamespace(
+            robot=SimpleNamespace(turns=np.array(turns)),
+            simulation=SimpleNamespace(slip=np.array(slip)),
+        )
+
+    turning, sliding, mixed = [True] * 3, [False] * 3, [True, False, True]
+    off = np.array([0.003, 0.002, -0.003])
+    assert tracking(world(turning, [0, 0, 0]), 0.0125) == "12.5 mrad"
+    assert tracking(world(sliding, [0, 0, 0]), 0.0125) == "12.5 mm"
+    assert tracking(world(mixed, [0, 0, 0]), off) == "3.0 mrad, 2.0 mm"
+    assert tracking(world(mixed, [0.003, 0, -0.003]), off) == "0.0 mrad, 2.0 mm"
+    assert tracking(None, 0.0126) == "0.013"  # no unit is known
