@@ -37,7 +37,7 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
         if not stages.has_babbled(directory):
             babble_with_bar(directory, executor, scheduler)
             _draw_first_picture(directory)
-        if not stages.has_learned(directory):
+        if not (stages.has_learned(directory) and stages.has_modelled(directory)):
             _get_ready_to_evaluate(directory, executor)
             learn_with_bar(directory, scheduler)
         if not stages.has_evaluated(directory):

@@ -46,9 +46,7 @@ class Similarity:
         middle, goal = source.mean(axis=0), target.mean(axis=0)
         turned, singular_sum = orthogonal_procrustes(source - middle, target - goal)
         scale = float(singular_sum / np.square(source - middle).sum())
-        return Similarity(
-            scale=scale, rotation=turned.T, shift=goal - scale * (turned.T @ middle)
-        )
+        return Similarity(scale=scale, rotation=turned.T, shift=goal - scale * (turned.T @ middle))
 
     def __call__(self, places: np.ndarray) -> np.ndarray:
         """`(..., 3)` places, moved."""
@@ -70,7 +68,7 @@ class PlaceError:
     Attributes:
         part: the part of the agent's body that shows the skin.
         place: of stored touches, against the true contact of each.
-        kernel: of the mean of each kernel's touches, against the median of its true contacts.
+        kernel: of the mean of each kernel's touches, against the mean of its true contacts.
         share_known: 0 to 1, of the touches those whose place the model knows.
     """
 
@@ -110,13 +108,15 @@ def place_errors(
         if len(np.unique(of_row[rows])) < _LEAST_PLACES:
             continue
         extent = np.linalg.norm(np.ptp(true[rows], axis=0))
-        of_kernel = [np.flatnonzero(of_row[rows] == k) for k in np.unique(of_row[rows])]
-        mean = np.array([imagined[of].mean(axis=0) for of in of_kernel])
-        median = np.array([np.median(true[rows[of]], axis=0) for of in of_kernel])
+        pairs = np.stack([imagined, true[rows]])
+        means = np.stack(
+            [pairs[:, of_row[rows] == kernel].mean(axis=1) for kernel in np.unique(of_row[rows])],
+            axis=1,
+        )
         found[skin] = PlaceError(
             part=part,
-            place=100.0 * _rms_off(imagined, true[rows]) / extent,
-            kernel=100.0 * _rms_off(mean, median) / extent,
+            place=float(100.0 * _rms_off(*pairs) / extent),
+            kernel=float(100.0 * _rms_off(*means) / extent),
             share_known=share,
         )
     return found

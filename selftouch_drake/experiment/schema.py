@@ -384,8 +384,8 @@ class Representation(Settings):
     max_kernel_size: Annotated[Whole, Field(ge=2)] = 1000
     # The shape metric from which the body is recovered; one of SHAPE_METRICS.
     metric: ShapeMetric = "learned"
-    # Whether the agent asks if its joints turn or slide something rigid, and keeps the answer beside
-    # the representation, which is the same either way: `auto` asks, `off` does not.
+    # Whether the agent asks if each of its joints turns or slides something rigid: `auto` asks,
+    # `off` does not. The answer stands beside the representation, which is the same either way.
     body_model: Literal["auto", "off"] = "auto"
 
 

@@ -122,7 +122,10 @@ def save_learned(
 
 
 def save_body_model(run: RunDirectory, model: BodyModel) -> None:
-    """Saves a body model, accepted or not; metrics of an older one, and what followed, are dropped."""
+    """Saves a body model, accepted or not.
+
+    Metrics of an older one, and of what was evaluated since, are dropped.
+    """
     of_models = {key for key in keys_of("learn") if key.startswith("body_model_")}
     run.drop_metrics(of_models | keys_of("evaluate"))
     save_arrays(run.body_model, model.to_arrays() | run.model_stamp())

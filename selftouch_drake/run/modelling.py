@@ -24,9 +24,9 @@ def find_model(
 
     The representation is only read. `each` makes calls that may be made elsewhere.
     """
-    names = joint_names(run, representation.kernel_q.shape[1])
+    num_rows, num_joints = representation.kernel_q.shape
+    names = joint_names(run, num_joints)
     if run.experiment.representation.body_model == "off":
-        num_rows, num_joints = representation.kernel_q.shape
         model = rejected(
             "off",
             joint_names=names,

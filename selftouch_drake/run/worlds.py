@@ -167,9 +167,10 @@ def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
 
     The run keeps the names of their joints.
     """
-    run.keep_joint_names(bodies.world.robot.joint_names if bodies.world else bodies.joint_names)
     if (world := bodies.world) is not None:
+        run.keep_joint_names(world.robot.joint_names)
         kept_skins(run.cache, run.fingerprint(), world)
     elif isinstance(bodies, LivingBody):
+        run.keep_joint_names(bodies.joint_names)
         bodies.calibration = bodies.calibration or run.known_calibration()
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())
