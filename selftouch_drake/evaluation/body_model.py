@@ -146,7 +146,7 @@ class Axes:
     """The axes of J joints in one posture.
 
     Attributes:
-        place: `(J, 3)` a place on the axis; of a joint that slides it means nothing.
+        place: `(J, 3)` a place on the axis; NaN if a joint has none, because it slides.
         direction: `(J, 3)` unit vectors, of either sign; NaN if a joint has none.
         parent: `(J,)` the joint that carries each one; `BASE` or `UNUSED`.
     """
@@ -180,7 +180,7 @@ def true_axes(kinematics: Kinematics, q: np.ndarray) -> Axes:
             moves[2, 3] = q[joint]
         X_WJ[joint] = frames[joint] @ moves
     return Axes(
-        place=frames[:, :3, 3],
+        place=np.where(kinematics.turns[:, None], frames[:, :3, 3], np.nan),
         direction=frames[:, :3, 2],
         parent=np.where(kinematics.parent < 0, BASE, kinematics.parent),
     )
@@ -201,9 +201,9 @@ def found_axes(model: BodyModel, q: np.ndarray) -> Axes:
             continue
         # Joint and axis are carried by the link before.
         X = poses[model.joint_parent[joint]]
-        at = np.zeros(3) if slides else np.cross(w, v) / (w @ w)
         direction[joint] = X[:3, :3] @ along / np.linalg.norm(along)
-        place[joint] = X[:3, :3] @ at + X[:3, 3]
+        if not slides:
+            place[joint] = X[:3, :3] @ (np.cross(w, v) / (w @ w)) + X[:3, 3]
     return Axes(place=place, direction=direction, parent=model.joint_parent)
 
 

@@ -83,6 +83,8 @@ _TILES = {
     "topology_betti_by_part": "components, loops, voids by part",
     "intrinsic_dimension": "dimension",
     "embedding_dimension": "dimension of space",
+    "body_model_accepted": "body model accepted",
+    "body_model_place_error_percent": "error of imagined places",
 }
 _MOTIONS = {
     "unpractised": (

@@ -33,17 +33,12 @@ _LEAST_FOR_RANKS = 25
 
 
 def score_body(
-    run: RunDirectory,
-    world: World,
-    representation: QuotientRepresentation,
-    body: RecoveredBody,
-    model: BodyModel,
+    run: RunDirectory, world: World, representation: QuotientRepresentation, body: RecoveredBody
 ) -> Metrics:
     """Scores what was learned against the truth.
 
     With several fingers on one hand, a kernel is a pose of the hand and not a place on a skin: all
-    metrics that compare places are absent, but for those of a body model, in which each finger has
-    a place of its own.
+    metrics that compare places are absent.
     """
     fields = [skin.fields for skin in world.skins]
     counts = TouchCounts(fields, ExperienceReader(run.truth).contacts())
@@ -52,8 +47,6 @@ def score_body(
     )
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
     truth = kernel_truth(representation, contacts, world.receptor_skin)
-    errors = place_errors(model, representation, contacts, truth)
-    metrics |= summary(errors, [skin.name for skin in world.skins])
     if not truth.is_surface:
         return metrics
     wanted = run.experiment.evaluation.shape_metrics
@@ -71,6 +64,16 @@ def score_body(
         "kernel_spread_worst_m": float(truth.spread.max()),
         **_place_metrics(world, representation, truth, bodies, body.metric),
     }
+
+
+def score_model(
+    run: RunDirectory, world: World, representation: QuotientRepresentation, model: BodyModel
+) -> Metrics:
+    """Scores a body model against the truth; nothing where no part was accepted."""
+    contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
+    truth = kernel_truth(representation, contacts, world.receptor_skin)
+    errors = place_errors(model, representation, contacts, truth)
+    return summary(errors, [skin.name for skin in world.skins])
 
 
 def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:

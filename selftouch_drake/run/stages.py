@@ -343,11 +343,14 @@ def evaluate(
 
 
 def _score_body(run: RunDirectory) -> dict[str, Any]:
-    from selftouch_drake.run.scores import score_body
+    from selftouch_drake.run.scores import score_body, score_model
 
     representation = load_representation(run)
-    body, model = load_body(run, representation), load_body_model(run)
-    return score_body(run, make_world(run), representation, body, model)
+    body, model, world = load_body(run, representation), load_body_model(run), make_world(run)
+    return {
+        **score_body(run, world, representation, body),
+        **score_model(run, world, representation, model),
+    }
 
 
 def has_babbled(run: RunDirectory) -> bool:
