@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from selftouch_drake.agent.body_model.model import BodyModel
 
 
+# Columns of a table that goes into a file.
+_WIDE = 160
+
+
 @click.command()
 @RUN
 def model(run: Path) -> None:
@@ -27,9 +31,9 @@ def model(run: Path) -> None:
     \b
     kind            turns, slides, or turns or slides: too little of its range was seen
     axis            direction, where all joints read 0, in a frame of the agent's own
-    per reading     how far the joint moves when its reading grows by 1
+    per reading     how far it moves when its reading grows by 1, with a standard error
     order           the joint that carries it; the agent chooses the base itself
-    standard error  of the direction, and of what it does per reading
+    standard error  of the direction
     open            what touches do not tell
     held-out        touches that lie nearer to their own kernel than kernels to each other;
                     a part is accepted above 85 %
@@ -43,12 +47,15 @@ def model(run: Path) -> None:
 
 
 def _print_model(found: "BodyModel") -> None:
+    from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
     from selftouch_drake.run.model_text import JOINT_COLUMNS, PART_COLUMNS, is_off, model_text
 
     text, console = model_text(found), Console(markup=False, highlight=False)
+    if not console.is_terminal:  # in a file nothing is cut
+        console = Console(markup=False, highlight=False, width=_WIDE)
     click.echo(f"body model: {text.verdict}")
     for sentence in text.sentences:
         click.echo(sentence)
@@ -59,7 +66,7 @@ def _print_model(found: "BodyModel") -> None:
         click.echo("\n" + "\n".join(text.tree))
         tables.insert(0, (JOINT_COLUMNS, text.joints))
     for columns, rows in tables:
-        table = Table(*columns)
+        table = Table(*columns, box=SIMPLE_HEAD)
         for row in rows:
             table.add_row(*row)
         console.print(table)

@@ -93,7 +93,8 @@ def headline(model: BodyModel) -> str:
     if is_off(model):
         return "off"
     if not model.accepted_by_part.any():
-        return f"rejected: {model.reason}"
+        told = model.reason.startswith("rejected")
+        return model.reason if told else f"rejected: {model.reason}"
     kinds = model.joint_kind[model.used]
     counts = [
         f"{number} {_plural('joint', number)} {word if number > 1 else word + 's'}"
@@ -135,30 +136,32 @@ def _joint_row(model: BodyModel, joint: int) -> tuple[str, ...]:
     kind, name = JointKind(model.joint_kind[joint]), model.joint_names[joint]
     if kind == JointKind.UNUSED:
         return name, _KINDS[kind], *[""] * (len(JOINT_COLUMNS) - 2)
+    # Of the twist, what says where the axis points.
     columns = slice(3, 6) if kind == JointKind.SLIDES else slice(0, 3)
     along, sigma = model.twists[joint, columns], model.twist_sigma[joint, columns]
     size = float(np.linalg.norm(along))
     direction = along / size if size else np.full(3, np.nan)
+    across_deg, per_reading = _standard_errors(direction, size, sigma)
     above = int(model.joint_parent[joint])
     unit = "" if kind == JointKind.SLIDES else " rad"
     return (
         name,
         _KINDS[kind],
         " ".join(f"{x:+.3f}" for x in direction) if size else "",
-        f"{size:.4g}{unit}",
+        f"{size:.4g} ± {per_reading:.1g}{unit}",
         "on the base" if above == BASE else f"after {model.joint_names[above]}",
-        _standard_error(direction, size, sigma, unit),
+        "unknown" if np.isnan(across_deg) else f"{across_deg:.2g}°",
         _open(model, joint),
     )
 
 
-def _standard_error(direction: np.ndarray, size: float, sigma: np.ndarray, unit: str) -> str:
-    """Of the direction of the axis in degrees, and of what the joint does per reading."""
+def _standard_errors(direction: np.ndarray, size: float, sigma: np.ndarray) -> tuple[float, float]:
+    """Of the direction of an axis, in degrees, and of what the joint does per reading."""
     if not size or not np.isfinite(sigma).all():
-        return "unknown"
+        return np.nan, np.nan
     along = float(np.sqrt(np.square(direction) @ np.square(sigma)))
     across = np.sqrt(max(float(np.square(sigma).sum()) - along**2, 0.0) / 2.0)
-    return f"{np.degrees(across / size):.2g}°, {along:.1g}{unit}"
+    return float(np.degrees(across / size)), along
 
 
 def _open(model: BodyModel, joint: int) -> str:

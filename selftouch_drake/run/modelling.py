@@ -4,13 +4,14 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.body_model.model import BodyModel, rejected
-from selftouch_drake.agent.representation.batches import Map
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.run.artifacts import save_body_model, stored_sensations
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import make_world
+from selftouch_drake.threads import mapped
 
 
 def find_model(
@@ -18,11 +19,10 @@ def find_model(
     representation: QuotientRepresentation,
     *,
     progress: Callable[[float, str], None],
-    each: Map = map,
 ) -> BodyModel:
     """Asks whether the joints turn or slide something rigid, and keeps the answer in the run.
 
-    The representation is only read. `each` makes calls that may be made elsewhere.
+    The representation is only read. The fit takes all cores of this machine.
     """
     num_rows, num_joints = representation.kernel_q.shape
     names = joint_names(run, num_joints)
@@ -42,16 +42,19 @@ def find_model(
 
     began = time.perf_counter()
     progress(0.0, "body model")
-    model = find_body_model(
-        representation.kernel_q.astype(float),
-        stored_sensations(run, representation),
-        kernel_of_rows(representation),
-        representation.part,
-        joint_names=names,
-        seed=run.experiment.seed,
-        progress=progress,
-        each=each,
-    )
+    # Sums in another order, by another number of threads, would give other bytes.
+    with threadpool_limits(limits=1, user_api="blas"):
+        model = find_body_model(
+            representation.kernel_q.astype(float),
+            stored_sensations(run, representation),
+            kernel_of_rows(representation),
+            representation.part,
+            joint_names=names,
+            double=pressing_two(representation),
+            seed=run.experiment.seed,
+            progress=progress,
+            each=mapped,
+        )
     save_body_model(run, model)
     run.add_metrics(
         {
@@ -66,6 +69,12 @@ def kernel_of_rows(representation: QuotientRepresentation) -> np.ndarray:
     """`(R,)` the target sensation of each stored motor configuration."""
     sizes = np.diff(representation.kernel_offsets)
     return np.repeat(np.arange(representation.num_targets), sizes)
+
+
+def pressing_two(representation: QuotientRepresentation) -> np.ndarray:
+    """`(R,)` bool, touches of two parts at once, each of which has a row."""
+    _, number, count = np.unique(representation.kernel_row, return_inverse=True, return_counts=True)
+    return count[number] > 1
 
 
 def joint_names(run: RunDirectory, num_joints: int) -> list[str]:

@@ -142,8 +142,7 @@ def learn(
     representation = _without_model(run)
     if representation is None:
         representation = _learn_quotient(run, _part(progress, 0.0, share), executor)
-    each = partial(map_ahead, executor, SHARDS_AHEAD) if executor else map
-    find_model(run, representation, progress=_part(progress, share, 1.0), each=each)
+    find_model(run, representation, progress=_part(progress, share, 1.0))
     progress(1.0, "learned")
     return representation
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import load_agent, load_body_model, stages
 from selftouch_drake.run.artifacts import load_representation, save_body_model, stored_sensations
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
+from selftouch_drake.run.modelling import pressing_two
 
 #: Files that the body model leaves as they are.
 OF_THE_PAPER = ("representation.npz", "touch_model.npz", "topology.npz", "body_distances.npz")
@@ -66,6 +68,7 @@ def test_learning_asks_for_a_model_of_what_was_learned(run, perfect, monkeypatch
     assert asked["joint_names"][:2] == ["shoulder_yaw", "shoulder_pitch"]
     assert asked["seed"] == run.experiment.seed
     assert list(asked["each"](len, ["a", "bc"])) == [1, 2]
+    assert not asked["double"].any()
     assert (0.7, "half of it") in [(pytest.approx(f), doing) for f, doing in reports]
     fractions = [fraction for fraction, _ in reports]
     assert fractions == sorted(fractions)
@@ -76,6 +79,11 @@ def test_learning_asks_for_a_model_of_what_was_learned(run, perfect, monkeypatch
     metrics = run.metrics()
     assert metrics["body_model_accepted"] == 1.0
     assert metrics["body_model_wall_s"] >= 0.0
+
+
+def test_a_touch_of_two_parts_has_two_rows():
+    stored = SimpleNamespace(kernel_row=np.array([4, 7, 2, 4, 9, 2]))
+    assert pressing_two(stored).tolist() == [True, False, True, True, False, True]
 
 
 def test_interrupted_in_the_fit_a_run_is_whole_and_goes_on_there(run, perfect, monkeypatch):
