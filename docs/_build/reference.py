@@ -33,6 +33,10 @@ API = {
         ("agent.shape.recovery", "agent.shape.metrics", "agent.shape.embedding")
         + ("agent.shape.homology", "agent.shape.dimension"),
     ),
+    "body_model": (
+        "The body model",
+        ("agent.body_model.model", "agent.body_model.find", "agent.body_model.asking"),
+    ),
     "planning": (
         "How the agent plans",
         ("agent.planning.planner", "agent.planning.prediction", "agent.planning.smoothing"),
@@ -51,7 +55,8 @@ API = {
     "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
     "evaluation": (
         "Scores against the truth",
-        ("evaluation.coverage", "evaluation.parts", "evaluation.shape", "evaluation.motion"),
+        ("evaluation.coverage", "evaluation.parts", "evaluation.shape", "evaluation.body_model")
+        + ("evaluation.motion",),
     ),
     "show": (
         "Pictures, recordings, live agent",

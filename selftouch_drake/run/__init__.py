@@ -8,13 +8,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from selftouch_drake.run.artifacts import load_agent as load_agent
-    from selftouch_drake.run.artifacts import load_body_model as load_body_model
+    from selftouch_drake.run.loading import load_agent as load_agent
+    from selftouch_drake.run.loading import load_body_model as load_body_model
 
 # The module of each function that other programs may import from here.
 _HOMES = {
-    "load_agent": "selftouch_drake.run.artifacts",
-    "load_body_model": "selftouch_drake.run.artifacts",
+    "load_agent": "selftouch_drake.run.loading",
+    "load_body_model": "selftouch_drake.run.loading",
 }
 
 

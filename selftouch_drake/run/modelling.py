@@ -4,14 +4,13 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from selftouch_drake.agent.body_model.asking import ask_for_model
 from selftouch_drake.agent.body_model.model import BodyModel, rejected
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.run.artifacts import save_body_model, stored_sensations
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import make_world
-from selftouch_drake.threads import mapped
 
 
 def find_model(
@@ -37,24 +36,15 @@ def find_model(
         )
         save_body_model(run, model)
         return model
-    # Most commands need no fit.
-    from selftouch_drake.agent.body_model.find import find_body_model
-
     began = time.perf_counter()
     progress(0.0, "body model")
-    # Sums in another order, by another number of threads, would give other bytes.
-    with threadpool_limits(limits=1, user_api="blas"):
-        model = find_body_model(
-            representation.kernel_q.astype(float),
-            stored_sensations(run, representation),
-            kernel_of_rows(representation),
-            representation.part,
-            joint_names=names,
-            double=pressing_two(representation),
-            seed=run.experiment.seed,
-            progress=progress,
-            each=mapped,
-        )
+    model = ask_for_model(
+        representation,
+        stored_sensations(run, representation),
+        joint_names=names,
+        seed=run.experiment.seed,
+        progress=progress,
+    )
     save_body_model(run, model)
     run.add_metrics(
         {
@@ -63,18 +53,6 @@ def find_model(
         }
     )
     return model
-
-
-def kernel_of_rows(representation: QuotientRepresentation) -> np.ndarray:
-    """`(R,)` the target sensation of each stored motor configuration."""
-    sizes = np.diff(representation.kernel_offsets)
-    return np.repeat(np.arange(representation.num_targets), sizes)
-
-
-def pressing_two(representation: QuotientRepresentation) -> np.ndarray:
-    """`(R,)` bool, touches of two parts at once, each of which has a row."""
-    _, number, count = np.unique(representation.kernel_row, return_inverse=True, return_counts=True)
-    return count[number] > 1
 
 
 def joint_names(run: RunDirectory, num_joints: int) -> list[str]:

@@ -2,13 +2,15 @@
 
 import dataclasses
 import json
-from types import SimpleNamespace
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from commands import refused, selftouch
 from modelled import found_by, true_model
 
+import selftouch_drake.run
 from selftouch_drake.agent.body_model.model import BodyModel, rejected
 from selftouch_drake.evaluation.shape import kernel_truth
 from selftouch_drake.experience.store import ExperienceReader
@@ -16,7 +18,6 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import load_agent, load_body_model, stages
 from selftouch_drake.run.artifacts import load_representation, save_body_model, stored_sensations
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
-from selftouch_drake.run.modelling import pressing_two
 
 #: Files that the body model leaves as they are.
 OF_THE_PAPER = ("representation.npz", "touch_model.npz", "topology.npz", "body_distances.npz")
@@ -79,11 +80,6 @@ def test_learning_asks_for_a_model_of_what_was_learned(run, perfect, monkeypatch
     metrics = run.metrics()
     assert metrics["body_model_accepted"] == 1.0
     assert metrics["body_model_wall_s"] >= 0.0
-
-
-def test_a_touch_of_two_parts_has_two_rows():
-    stored = SimpleNamespace(kernel_row=np.array([4, 7, 2, 4, 9, 2]))
-    assert pressing_two(stored).tolist() == [True, False, True, True, False, True]
 
 
 def test_interrupted_in_the_fit_a_run_is_whole_and_goes_on_there(run, perfect, monkeypatch):
@@ -258,6 +254,22 @@ def test_an_older_run_looks_the_names_up(run, perfect, monkeypatch):
     found_by(monkeypatch, lambda **given: asked.append(given["joint_names"]) or perfect)
     stages.learn(run)
     assert asked[0][0] == "shoulder_yaw"
+
+
+def test_a_run_may_be_named_by_its_path(run, perfect):
+    save_body_model(run, perfect)
+    for named in (run, run.path, str(run.path)):
+        assert load_body_model(named).accepted
+        assert load_agent(named).representation.num_targets == 60
+    with pytest.raises(AttributeError, match="has no attribute 'load_truth'"):
+        selftouch_drake.run.load_truth  # noqa: B018 - it is missing
+    assert {"load_agent", "load_body_model"} <= set(dir(selftouch_drake.run))
+
+
+def test_the_package_of_runs_imports_nothing_by_itself():
+    program = "import sys, selftouch_drake.run; print('numpy' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert told.stdout.strip() == "False"
 
 
 def test_a_model_is_the_same_after_a_night(run, perfect):
