@@ -7,8 +7,8 @@ left out before the order is ripe.
 """
 
 import itertools
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,9 +32,11 @@ _POPULATION, _ROUNDS, _RELATIVES = 64, 5, 3
 # Share of a population that stays, and that is bred from it; the rest is drawn anew.
 _STAY, _BRED = 0.25, 0.5
 # Neighbours of a chain are tried so often at most, from so many chains of the population.
-_MOST_PASSES, _CHAINS = 10, 3
+_MOST_PASSES, _CHAINS, _POPULATIONS = 10, 2, 2
 # A neighbour is taken if its criterion is better by this much; each further joint must earn more.
 _GAIN, _EARNED = 0.05, 0.1
+#: Fewer touches are not looked at.
+FEWEST = 60
 #: A joint matters if leaving it out costs more.
 MATTERS = 0.02
 # A pair of joints depends on each other within kernels if its statistic exceeds so many standard
@@ -50,12 +52,13 @@ class Search:
         q: `(J, R)` float32 standardised readings.
         random: source of all randomness.
         each: maps blocks of bodies.
+        tick: called before each descent.
     """
 
     q: np.ndarray
     random: np.random.Generator
     each: Each = map
-    tick: "object" = field(default=lambda: None)
+    tick: Callable[[], None] = lambda: None
 
     @property
     def num_joints(self) -> int:
@@ -144,7 +147,7 @@ def population(
     for turn in range(rounds):
         bodies = search.descended([group], bodies, how)
         stay = _best_of_families(bodies, ancestor, int(_STAY * _POPULATION))
-        if turn == rounds - 1:
+        if turn == rounds - 1 or _agreed(bodies, ancestor):
             break
         bred = stay[np.minimum(random.geometric(0.12, int(_BRED * _POPULATION)) - 1, len(stay) - 1)]
         children = bodies.pick(bred)
@@ -156,6 +159,13 @@ def population(
         ancestor = np.concatenate([ancestor[stay], ancestor[bred], born + np.arange(number)])
         born += number
     return bodies.pick(_best_of_families(bodies, ancestor, _CHAINS, relatives=1))
+
+
+def _agreed(bodies: Bodies, ancestor: np.ndarray) -> bool:
+    """Whether the best bodies of different ancestors reach the same criterion."""
+    best = _best_of_families(bodies, ancestor, 3, relatives=1)
+    cost = bodies.loss[best].sum(axis=1)
+    return len(best) == 3 and bool(cost[-1] - cost[0] < 0.1)
 
 
 def _best_of_families(
@@ -284,31 +294,36 @@ def pruned(search: Search, group: Group, body: Bodies) -> Bodies:
     return body
 
 
-def found_chain(search: Search, group: Group, joints: Sequence[int]) -> Bodies:
-    """One body: the best chain that a population and its neighbours lead to, polished.
+def found_chains(search: Search, group: Group, joints: Sequence[int]) -> Iterator[Bodies]:
+    """One body after another: chains of a population, led on by their neighbours, and polished.
+
+    Whoever asks stops when one is good. The second half comes from a population of its own.
 
     Args:
         search: what to work on.
         group: touches of one toucher on one part.
         joints: that may matter.
     """
-    ripe = [
-        improved(search, group, chain, joints)
-        for chain in map(population(search, group, joints).pick, [[k] for k in range(_CHAINS)])
-    ]
-    body = Bodies.joined(ripe).best()
-    body = pruned(search, group, body)
-    return polished(search, group, body)
+    for _ in range(_POPULATIONS):
+        chains = population(search, group, joints)
+        for number in range(min(_CHAINS, len(chains))):
+            body = improved(search, group, chains.pick([number]), joints)
+            yield polished(search, group, pruned(search, group, body))
+
+
+def swap_costs(search: Search, group: Group, body: Bodies) -> np.ndarray:
+    """`(L - 1,)` what it costs that neighbours of a chain change places."""
+    order = order_of(body.ways[0][0])
+    bodies = body.pick(np.zeros(len(order), dtype=int))
+    for index in range(len(order) - 1):
+        swapped = [*order[:index], order[index + 1], order[index], *order[index + 2 :]]
+        bodies.ways[index + 1] = [chain_way(swapped)]
+    how = Descent(steps=400, rate=0.02, kernels=60, members=12, tail=_SEARCH_TAIL)
+    cost = search.descended([group], bodies, how).loss.sum(axis=1)
+    return cost[1:] - cost[0]
 
 
 def polished(search: Search, group: Group, body: Bodies) -> Bodies:
     """The body after a long descent that hardly heeds wrong labels."""
     how = Descent(steps=800, rate=0.01, kernels=80, members=16)
     return search.descended([group], body, how)
-
-
-def without_twists(body: Bodies, joint: int) -> Bodies:
-    """The body with a joint that cannot turn."""
-    twists = body.twists.copy()
-    twists[:, joint, :3] = 0
-    return replace(body, twists=twists)
