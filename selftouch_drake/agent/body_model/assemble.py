@@ -7,13 +7,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.judge import Judgement
-from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind
+from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
     all_places,
     covariance,
-    kernel_medians,
 )
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
 
@@ -110,7 +109,7 @@ def assembled(
     toucher[found.rows] = np.where(
         solution.share.sum(axis=1) > 0.5, solution.share.argmax(axis=1), -1
     )
-    receptors = _receptors(found, carried, normal, place, sensation)
+    skin = _receptors(found, carried, normal, place, sensation)
     parts = range(num_parts)
     judged = [found.judgements.get(part) for part in parts]
     counts = np.bincount(scene.part[scene.target], minlength=num_parts)
@@ -129,7 +128,10 @@ def assembled(
         kernel_place=place,
         kernel_normal=normal,
         kernel_toucher=toucher,
-        **receptors,
+        receptor_part=skin.part,
+        receptor_place=skin.place,
+        receptor_normal=skin.normal,
+        receptor_sigma=skin.sigma,
         accepted_by_part=np.array([bool(j and j.accepted) for j in judged]),
         reason=reasons(judged),
         held_out=np.array([j.near if j else np.nan for j in judged]),
@@ -168,7 +170,9 @@ def dimension(scene: Scene, solution: Solution) -> int:
             continue
         tiny = 1e-9 * np.trace(np.cov(y[kept].T)) * np.eye(3)
         within, total = np.cov(r.T) + tiny, np.cov(y[kept].T) + tiny
-        spreads.append(int((np.linalg.eigvals(np.linalg.solve(within, total)).real > _SPREAD).sum()))
+        spreads.append(
+            int((np.linalg.eigvals(np.linalg.solve(within, total)).real > _SPREAD).sum())
+        )
     return max(spreads, default=0)
 
 
@@ -229,15 +233,13 @@ def _receptors(
     normal: np.ndarray,
     kernel_place: np.ndarray,
     sensation: csr_array | None,
-) -> dict[str, np.ndarray]:
+) -> Receptors:
     """Places of receptors: means of the touches that press them, in their part's frame."""
     number = 0 if sensation is None else sensation.shape[1]
     part = np.full(number, -1)
     place, outward = np.full((number, 3), np.nan), np.full((number, 3), np.nan)
     sigma = np.full(number, np.nan)
-    result = dict(
-        receptor_part=part, receptor_place=place, receptor_normal=outward, receptor_sigma=sigma
-    )
+    result = Receptors(place=place, normal=outward, sigma=sigma, part=part)
     if sensation is None or len(found.rows) == 0:
         return result
     scene, solution = found.scene, found.solution
@@ -278,8 +280,3 @@ def _receptors(
             outward[here] = normal[kernels[apart.argmin(axis=1)]]
     place[~has] = np.nan
     return result
-
-
-def medians(scene: Scene, Y: np.ndarray) -> np.ndarray:
-    """`(K, 3)` medians of places over kernels."""
-    return kernel_medians(Y, scene.target, len(scene.part))

@@ -15,13 +15,18 @@ makes them differ in the last bits between kinds of processors, as BLAS does.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
-_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-_SUMS = {"reassoc", "contract", "nsz", "arcp"}
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
+_SUMS: Any = {"reassoc", "contract", "nsz", "arcp"}
 _kernel = numba.njit(**_OPTIONS, fastmath=_SUMS)
 _inner = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}), fastmath=_SUMS)
 
@@ -79,7 +84,7 @@ class Draws(NamedTuple):
     q: np.ndarray
     rows: np.ndarray
     num_kernels: np.ndarray
-    members: int
+    members: np.integer
     weight: np.ndarray
 
 
@@ -98,7 +103,9 @@ def _forward(places, readings, at, out, read, sign, twist):
             t = sign * readings[read + i]
             t2 = t * t
             s = t2 * n2
-            places[out + U(3 * TILE) + i] = t2 * (_HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4))))
+            places[out + U(3 * TILE) + i] = t2 * (
+                _HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4)))
+            )
             places[out + U(4 * TILE) + i] = (
                 t * t2 * (_B0 - s * (_B1 - s * (_B2 - s * (_B3 - s * _B4))))
             )
@@ -306,7 +313,7 @@ def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, fa
             rounds -= 1
     far = 0.0
     log_within = 0.0
-    for turn in range(rounds):
+    for _turn in range(rounds):
         _scatter(x, weights, means, num_kernels, members, within)
         _spread(x, weights, count, center, total)
         floor = _FLOOR * (total[0, 0] + total[1, 1] + total[2, 2])
@@ -325,13 +332,21 @@ def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, fa
     for kernel in range(num_kernels):
         for i in range(kernel * members, (kernel + 1) * members):
             u = weights[i]
-            r0, r1, r2 = x[0, i] - means[kernel, 0], x[1, i] - means[kernel, 1], x[2, i] - means[kernel, 2]
+            r0, r1, r2 = (
+                x[0, i] - means[kernel, 0],
+                x[1, i] - means[kernel, 1],
+                x[2, i] - means[kernel, 2],
+            )
             t0, t1, t2 = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2]
             for a in range(3):
                 slopes[a, i] = u * (
                     inner_factor * (inverse[a, 0] * r0 + inverse[a, 1] * r1 + inverse[a, 2] * r2)
                     - outer_factor
-                    * (total_inverse[a, 0] * t0 + total_inverse[a, 1] * t1 + total_inverse[a, 2] * t2)
+                    * (
+                        total_inverse[a, 0] * t0
+                        + total_inverse[a, 1] * t1
+                        + total_inverse[a, 2] * t2
+                    )
                 )
     return log_within + far - log_total
 

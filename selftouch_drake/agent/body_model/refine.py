@@ -7,6 +7,7 @@ weighted mean. What is minimised is, over parts, the logarithm of the noise's vo
 the total scatter, which has no scale.
 """
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -50,6 +51,10 @@ class Scene:
         """Parts that a toucher reaches."""
         return sorted({part for part, _ in self.ways})
 
+    def touchers(self, part: int) -> np.ndarray:
+        """Touchers that may touch a part."""
+        return np.array(sorted(u for p, u in self.ways if p == part), dtype=int)
+
     def rows(self, part: int) -> np.ndarray:
         """Touches of a part."""
         return np.flatnonzero(self.part[self.target] == part)
@@ -90,9 +95,11 @@ class Solution:
         return float(self.share[rows].sum(axis=1).mean()) if len(rows) else np.nan
 
 
-def way_places(scene: Scene, twists: np.ndarray, point: np.ndarray, rows, way: Way) -> np.ndarray:
+def way_places(
+    scene: Scene, twists: np.ndarray, point: np.ndarray, rows: np.ndarray, way: Way
+) -> np.ndarray:
     """`(n, 3)` places of a point at some touches, along a way."""
-    joints = [joint for joint, _ in way]
+    joints = np.array([joint for joint, _ in way], dtype=int)
     signs = np.array([sign for _, sign in way], dtype=float)
     return places(scene.q[np.ix_(rows, joints)], twists[joints], point, signs)
 
@@ -129,15 +136,15 @@ def kernel_medians(Y: np.ndarray, target: np.ndarray, number: int, least: int = 
 
 
 def normals(place: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """`(K, 3)` normals of the skin at kernels, without a side: of planes through their neighbours."""
+    """`(K, 3)` normals of planes through the neighbours of each kernel, without a side."""
     found = np.full(place.shape, np.nan)
     for number in np.unique(part):
         kernels = np.flatnonzero((part == number) & np.isfinite(place).all(axis=1))
         if len(kernels) < 4:
             continue
-        near = cKDTree(place[kernels]).query(
-            place[kernels], k=min(_NEIGHBOURS + 1, len(kernels))
-        )[1]
+        near = cKDTree(place[kernels]).query(place[kernels], k=min(_NEIGHBOURS + 1, len(kernels)))[
+            1
+        ]
         around = place[kernels][near]
         around = around - around.mean(axis=1, keepdims=True)
         found[kernels] = np.linalg.svd(around, full_matrices=False)[2][:, 2]
@@ -163,14 +170,14 @@ def started(scene: Scene, twists: np.ndarray, points: np.ndarray) -> Solution:
 def _started_part(scene: Scene, solution: Solution, Y: np.ndarray, part: int) -> Solution:
     """Who touched, from the densest place of each kernel among all hypotheses."""
     rows = scene.rows(part)
-    touchers = [u for u in range(len(Y)) if (part, u) in scene.ways]
+    touchers = scene.touchers(part)
     target, share = scene.target[rows], solution.share.copy()
     if len(touchers) == 1:
         share[rows, touchers[0]] = 1.0
     else:
         share[np.ix_(rows, touchers)] = _densest(Y[touchers][:, rows], target, len(scene.part))
     place = solution.place.copy()
-    chosen = np.array(touchers)[share[np.ix_(rows, touchers)].argmax(axis=1)]
+    chosen = touchers[share[np.ix_(rows, touchers)].argmax(axis=1)]
     own = Y[chosen, rows]
     here = scene.part == part
     place[here] = kernel_medians(own, target, len(scene.part))[here]
@@ -191,7 +198,7 @@ def _densest(Y: np.ndarray, target: np.ndarray, number: int, most: int = 60) -> 
     order = np.argsort(target, kind="stable")
     bounds = np.searchsorted(target[order], np.arange(number + 1))
     share = np.zeros((Y.shape[1], len(Y)))
-    for start, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, end in itertools.pairwise(bounds):
         if end == start:
             continue
         rows = order[start:end]
@@ -232,7 +239,7 @@ def _shared(scene: Scene, solution: Solution, Y: np.ndarray) -> Solution:
     weight = _kernel_sums(solution.share.sum(axis=1), scene.target, len(scene.part))
     for part in scene.parts:
         rows = scene.rows(part)
-        touchers = [u for u in range(len(Y)) if (part, u) in scene.ways]
+        touchers = scene.touchers(part)
         share[np.ix_(rows, touchers)] = probabilities(
             solution, Y[touchers][:, rows], scene.target[rows], part, touchers, weight
         )
@@ -244,7 +251,7 @@ def probabilities(
     Y: np.ndarray,
     target: np.ndarray,
     part: int,
-    touchers: list[int],
+    touchers: np.ndarray,
     weight: np.ndarray | None = None,
 ) -> np.ndarray:
     """`(n, U)` probability that each toucher made each touch of a part.
@@ -355,12 +362,18 @@ def equations(scene: Scene, solution: Solution) -> Equations:
     W = np.zeros((number, 3, 3))
     for part in scene.parts:
         rows = scene.rows(part)
-        touchers = [u for u in range(num_touchers) if (part, u) in scene.ways]
+        touchers = scene.touchers(part)
         W[scene.part == part] = metric(solution.normal, solution.sigma[part])[scene.part == part]
         solved = []
         for toucher in touchers:
             kept = rows[solution.share[rows, toucher] > 1e-3]
-            solved.append((kept, solution.share[kept, toucher], *_slopes(scene, solution, kept, part, toucher)))
+            solved.append(
+                (
+                    kept,
+                    solution.share[kept, toucher],
+                    *_slopes(scene, solution, kept, part, toucher),
+                )
+            )
         count = sum(weight.sum() for _, weight, *_ in solved)
         center, total = _total([(y, weight) for _, weight, y, *_ in solved])
         total_inverse = np.linalg.inv(total)
@@ -375,8 +388,10 @@ def equations(scene: Scene, solution: Solution) -> Equations:
             root = np.linalg.cholesky(W[target]).swapaxes(1, 2) * np.sqrt(factor)[:, None, None]
             tall = (root @ slope).reshape(-1, len(columns))
             hessian[np.ix_(columns, columns)] += tall.T @ tall
-            flat = (factor[:, None, None] * slope).reshape(len(kept), -1)
-            mean_slope[:, :, columns] += _kernel_sums(flat, target, number).reshape(number, 3, -1)
+            flat = (factor[:, None, None] * slope).reshape(len(kept), 3 * len(columns))
+            mean_slope[:, :, columns] += _kernel_sums(flat, target, number).reshape(
+                number, 3, len(columns)
+            )
             mass += np.bincount(target, weights=factor, minlength=number)
     gradient = scores.sum(axis=0)
     has = mass > 0
@@ -389,13 +404,13 @@ def equations(scene: Scene, solution: Solution) -> Equations:
 def _slopes(scene, solution, rows, part, toucher):
     """Places, `(n, 3, m)` derivatives by m parameters, and the `(m,)` columns of these."""
     way = scene.ways[part, toucher]
-    joints = [joint for joint, _ in way]
+    joints = np.array([joint for joint, _ in way], dtype=int)
     signs = np.array([sign for _, sign in way], dtype=float)
     y, by_twist, by_point, _ = derivatives(
         scene.q[np.ix_(rows, joints)], solution.twists[joints], solution.points[toucher], signs
     )
-    slope = np.concatenate([by_twist.reshape(len(rows), 3, -1), by_point], axis=2)
-    of_twists = [6 * joint + entry for joint in joints for entry in range(6)]
+    slope = np.concatenate([by_twist.reshape(len(rows), 3, 6 * len(way)), by_point], axis=2)
+    of_twists = [6 * joint + entry for joint in joints.tolist() for entry in range(6)]
     first = 6 * len(solution.twists) + 3 * toucher
     return y, slope, np.array([*of_twists, first, first + 1, first + 2])
 

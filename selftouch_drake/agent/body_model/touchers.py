@@ -25,7 +25,7 @@ _SOME, _PREDICTED = 8000, 2500
 
 def in_hand(scene: Scene, solution: Solution, rows: np.ndarray, way: Way) -> np.ndarray:
     """`(n, 3)` where a point of the toucher's link must be to touch its kernel's place."""
-    joints = [joint for joint, _ in way]
+    joints = np.array([joint for joint, _ in way], dtype=int)
     signs = np.array([sign for _, sign in way], dtype=float)
     origin, _, turn, _ = derivatives(
         scene.q[np.ix_(rows, joints)], solution.twists[joints], np.zeros(3), signs
@@ -45,7 +45,7 @@ def label_loss(scene: Scene, solution: Solution, part: int, counts: np.ndarray) 
     """
     rows = scene.rows(part)
     rows = rows[:: max(1, len(rows) // _PREDICTED)]
-    touchers = [u for u in range(len(solution.points)) if (part, u) in scene.ways]
+    touchers = scene.touchers(part)
     Y = all_places(scene.some(rows), solution.twists, solution.points)[touchers]
     kernels = np.flatnonzero(np.isfinite(solution.place).all(axis=1) & (scene.part == part))
     W = metric(solution.normal[kernels], solution.sigma[part])
@@ -91,9 +91,9 @@ def candidates(scene: Scene, solution: Solution, part: int, link_of: int) -> lis
     lost = cloud[outlying > 0.5]
     if len(lost) > 30:
         found.append(np.concatenate([solution.points, [_densest(lost)]]))
-    found.append(np.concatenate([solution.points, [_densest(cloud[outlying > 0.01])]])) if (
-        outlying > 0.01
-    ).sum() > 30 else None
+    doubtful = cloud[outlying > 0.01]
+    if len(doubtful) > 30:
+        found.append(np.concatenate([solution.points, [_densest(doubtful)]]))
     return found
 
 
