@@ -15,13 +15,18 @@ makes them differ in the last bits between kinds of processors, as BLAS does.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
-_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-_SUMS = {"reassoc", "contract", "nsz", "arcp"}
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
+_SUMS: Any = {"reassoc", "contract", "nsz", "arcp"}
 _kernel = numba.njit(**_OPTIONS, fastmath=_SUMS)
 _inner = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}), fastmath=_SUMS)
 
@@ -79,7 +84,7 @@ class Draws(NamedTuple):
     q: np.ndarray
     rows: np.ndarray
     num_kernels: np.ndarray
-    members: int
+    members: np.integer
     weight: np.ndarray
 
 
@@ -98,7 +103,9 @@ def _forward(places, readings, at, out, read, sign, twist):
             t = sign * readings[read + i]
             t2 = t * t
             s = t2 * n2
-            places[out + U(3 * TILE) + i] = t2 * (_HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4))))
+            places[out + U(3 * TILE) + i] = t2 * (
+                _HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4)))
+            )
             places[out + U(4 * TILE) + i] = (
                 t * t2 * (_B0 - s * (_B1 - s * (_B2 - s * (_B3 - s * _B4))))
             )
@@ -141,7 +148,7 @@ def _backward(places, readings, slopes, at, out, read, sign, twist, gradient):
     series = n * largest < _ONE
     i2 = _ONE / max(n2, F(1e-20))
     m0, m1, m2, e0, e1, e2 = F(0), F(0), F(0), F(0), F(0), F(0)
-    first, second = F(0), F(0)
+    first = F(0)
     for i in range(_T):
         t = sign * readings[read + i]
         x, y, z = places[at + i], places[at + _T + i], places[at + U(2 * TILE) + i]
@@ -177,7 +184,6 @@ def _backward(places, readings, slopes, at, out, read, sign, twist, gradient):
         slopes[i] = g0 + h1 * w2 - h2 * w1
         slopes[_T + i] = g1 + h2 * w0 - h0 * w2
         slopes[U(2 * TILE) + i] = g2 + h0 * w1 - h1 * w0
-    first += second
     gradient[0] += m0 + first * w0
     gradient[1] += m1 + first * w1
     gradient[2] += m2 + first * w2
@@ -201,8 +207,8 @@ def invert(S, inverse):
 
 
 @_inner
-def _scatter(x, weights, means, num_kernels, members, tail, S, inverse):
-    """One round of weighted means and scatter; returns the criterion of the scatter within."""
+def _scatter(x, weights, means, num_kernels, members, S):
+    """Weighted means of kernels, and the weighted scatter around them."""
     count = num_kernels * members
     S[:] = 0.0
     for kernel in range(num_kernels):
@@ -228,3 +234,239 @@ def _scatter(x, weights, means, num_kernels, members, tail, S, inverse):
         for b in range(a, 3):
             S[a, b] *= scale
             S[b, a] = S[a, b]
+
+
+@_inner
+def _reweighed(x, weights, means, inverse, num_kernels, members, tail):
+    """Weights of a Student distribution; returns the mean of its logarithms."""
+    total = 0.0
+    for kernel in range(num_kernels):
+        m0, m1, m2 = means[kernel, 0], means[kernel, 1], means[kernel, 2]
+        for i in range(kernel * members, (kernel + 1) * members):
+            r0, r1, r2 = x[0, i] - m0, x[1, i] - m1, x[2, i] - m2
+            d = (
+                inverse[0, 0] * r0 * r0
+                + inverse[1, 1] * r1 * r1
+                + inverse[2, 2] * r2 * r2
+                + 2 * (inverse[0, 1] * r0 * r1 + inverse[0, 2] * r0 * r2 + inverse[1, 2] * r1 * r2)
+            )
+            weights[i] = (tail + 3) / (tail + d)
+            total += math.log(1 + d / tail)
+    return (tail + 3) * total / (num_kernels * members)
+
+
+@_inner
+def _spread(x, weights, count, center, S):
+    """Weighted mean and scatter of all places."""
+    total = 0.0
+    center[:] = 0.0
+    S[:] = 0.0
+    for i in range(count):
+        u = weights[i]
+        total += u
+        center[0] += u * x[0, i]
+        center[1] += u * x[1, i]
+        center[2] += u * x[2, i]
+    center[0], center[1], center[2] = center[0] / total, center[1] / total, center[2] / total
+    for i in range(count):
+        r0, r1, r2, u = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2], weights[i]
+        S[0, 0] += u * r0 * r0
+        S[0, 1] += u * r0 * r1
+        S[0, 2] += u * r0 * r2
+        S[1, 1] += u * r1 * r1
+        S[1, 2] += u * r1 * r2
+        S[2, 2] += u * r2 * r2
+    for a in range(3):
+        for b in range(a, 3):
+            S[a, b] /= total
+            S[b, a] = S[a, b]
+    return total
+
+
+@_inner
+def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, factor, work):
+    """The criterion of one group, and its gradient by the places.
+
+    Args:
+        x: `(3, N)` places.
+        slopes: `(3, N)` is filled.
+        weights: `(N,)` is filled.
+        means: `(K, 3)` is filled.
+        within: `(3, 3)` scatter within kernels that the last step found, all 0 at first; replaced.
+        num_kernels: in x.
+        members: of each.
+        tail: degrees of freedom of the Student distribution; 0 for a Gaussian one.
+        factor: weight of the group.
+        work: `(4, 3, 3)` scratch.
+    """
+    count = num_kernels * members
+    inverse, total, total_inverse, center = work[0], work[1], work[2], work[3, 0]
+    weights[:count] = 1.0
+    rounds = 1
+    if tail > 0:
+        rounds += _ROUNDS
+        if within[0, 0] > 0:
+            # The scatter of the last step, around plain means, tells far touches at once.
+            _means(x, weights, means, num_kernels, members)
+            invert(within, inverse)
+            _reweighed(x, weights, means, inverse, num_kernels, members, tail)
+            rounds -= 1
+    far = 0.0
+    log_within = 0.0
+    for _turn in range(rounds):
+        _scatter(x, weights, means, num_kernels, members, within)
+        _spread(x, weights, count, center, total)
+        floor = _FLOOR * (total[0, 0] + total[1, 1] + total[2, 2])
+        for a in range(3):
+            within[a, a] += floor
+            total[a, a] += floor
+        log_within = invert(within, inverse)
+        if tail > 0:
+            far = _reweighed(x, weights, means, inverse, num_kernels, members, tail)
+    log_total = invert(total, total_inverse)
+    mass = 0.0
+    for i in range(count):
+        mass += weights[i]
+    inner_factor = 2 * factor * members / (members - 1.0) / count
+    outer_factor = 2 * factor / mass
+    for kernel in range(num_kernels):
+        for i in range(kernel * members, (kernel + 1) * members):
+            u = weights[i]
+            r0, r1, r2 = (
+                x[0, i] - means[kernel, 0],
+                x[1, i] - means[kernel, 1],
+                x[2, i] - means[kernel, 2],
+            )
+            t0, t1, t2 = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2]
+            for a in range(3):
+                slopes[a, i] = u * (
+                    inner_factor * (inverse[a, 0] * r0 + inverse[a, 1] * r1 + inverse[a, 2] * r2)
+                    - outer_factor
+                    * (
+                        total_inverse[a, 0] * t0
+                        + total_inverse[a, 1] * t1
+                        + total_inverse[a, 2] * t2
+                    )
+                )
+    return log_within + far - log_total
+
+
+@_inner
+def _means(x, weights, means, num_kernels, members):
+    for kernel in range(num_kernels):
+        m0, m1, m2, total = 0.0, 0.0, 0.0, 0.0
+        for i in range(kernel * members, (kernel + 1) * members):
+            u = weights[i]
+            total += u
+            m0 += u * x[0, i]
+            m1 += u * x[1, i]
+            m2 += u * x[2, i]
+        means[kernel, 0], means[kernel, 1], means[kernel, 2] = m0 / total, m1 / total, m2 / total
+
+
+@_inner
+def _descend(value, slope, mean, square, rate, step):
+    """One step of Adam on flat arrays."""
+    c1, c2 = 1 - _BETA1 ** (step + 1), 1 - _BETA2 ** (step + 1)
+    for i in range(len(value)):
+        mean[i] = _BETA1 * mean[i] + (1 - _BETA1) * slope[i]
+        square[i] = _BETA2 * square[i] + (1 - _BETA2) * slope[i] * slope[i]
+        value[i] -= rate * (mean[i] / c1) / (math.sqrt(square[i] / c2) + _TINY)
+
+
+@_kernel
+def descend(draws, ways, twists, points, rate, tail):
+    """Adam with cosine decay, each member for itself, all on the same draws.
+
+    Args:
+        draws: `Draws`.
+        ways: `Ways` of the B members.
+        twists: `(B, J, 6)` changed in place.
+        points: `(B, U, 3)` of the touchers, changed in place.
+        rate: `()` of the first step; 0 only evaluates.
+        tail: `()` degrees of freedom of the Student distribution; 0 for a Gaussian one.
+
+    Returns:
+        `(B, G)` criterion of each group, averaged over the last steps.
+    """
+    q, rows = draws.q, draws.rows
+    steps, num_groups, num_rows = rows.shape
+    num_members, num_joints = twists.shape[0], twists.shape[1]
+    num_points, longest, members = points.shape[1], ways.joint.shape[2], draws.members
+    num_tiles = num_rows // TILE
+    stride = U(longest + 1) * _KEPT
+    places = np.zeros(num_tiles * (longest + 1) * 5 * TILE, F)
+    readings = np.zeros((num_groups, num_joints * num_rows), F)
+    x, slopes = np.zeros((3, num_rows)), np.zeros((3, num_rows))
+    tile_slopes, weights = np.zeros(3 * TILE, F), np.zeros(num_rows)
+    means, work = np.zeros((num_rows, 3)), np.zeros((4, 3, 3))
+    within = np.zeros((num_members, num_groups, 3, 3))
+    history = np.zeros((num_members, num_groups))
+    by_twist, by_point = np.zeros((num_joints, 6)), np.zeros((num_points, 3))
+    moments = np.zeros((num_members, 2, num_joints * 6))
+    point_moments = np.zeros((num_members, 2, num_points * 3))
+    for step in range(steps):
+        now = rate * 0.5 * (1 + math.cos(math.pi * step / steps))
+        for group in range(num_groups):
+            for joint in range(num_joints):
+                for i in range(num_rows):
+                    readings[group, joint * num_rows + i] = q[joint, rows[step, group, i]]
+        for b in range(num_members):
+            by_twist[:] = 0
+            by_point[:] = 0
+            for group in range(num_groups):
+                length, toucher = ways.length[b, group], ways.toucher[group]
+                read = readings[group]
+                for tile in range(num_tiles):
+                    at = U(tile) * stride
+                    tip = at + U(length) * _KEPT
+                    for axis in range(3):
+                        p = F(points[b, toucher, axis])
+                        for i in range(_T):
+                            places[tip + U(axis * TILE) + i] = p
+                    for k in range(length - 1, -1, -1):
+                        joint = ways.joint[b, group, k]
+                        _forward(
+                            places, read, at + U(k + 1) * _KEPT, at + U(k) * _KEPT,
+                            U(joint * num_rows + tile * TILE), F(ways.sign[b, group, k]),
+                            twists[b, joint],
+                        )  # fmt: skip
+                    for axis in range(3):
+                        for i in range(_T):
+                            x[axis, tile * TILE + i] = places[at + U(axis * TILE) + i]
+                value = _criterion(
+                    x, slopes, weights, means, within[b, group],
+                    draws.num_kernels[group], members, tail, draws.weight[group], work,
+                )  # fmt: skip
+                share = max(0.05, 1.0 / (step + 1))
+                history[b, group] += share * (value - history[b, group])
+                if rate == 0:
+                    continue
+                used = draws.num_kernels[group] * members
+                slopes[:, used:] = 0
+                for tile in range((used + TILE - 1) // TILE):
+                    at = U(tile) * stride
+                    for axis in range(3):
+                        for i in range(_T):
+                            tile_slopes[U(axis * TILE) + i] = F(slopes[axis, tile * TILE + i])
+                    for k in range(length):
+                        joint = ways.joint[b, group, k]
+                        _backward(
+                            places, read, tile_slopes, at + U(k + 1) * _KEPT, at + U(k) * _KEPT,
+                            U(joint * num_rows + tile * TILE), F(ways.sign[b, group, k]),
+                            twists[b, joint], by_twist[joint],
+                        )  # fmt: skip
+                    for axis in range(3):
+                        total = F(0)
+                        for i in range(_T):
+                            total += tile_slopes[U(axis * TILE) + i]
+                        by_point[toucher, axis] += total
+            if rate > 0:
+                _descend(
+                    twists[b].ravel(), by_twist.ravel(), moments[b, 0], moments[b, 1], now, step
+                )
+                _descend(
+                    points[b].ravel(), by_point.ravel(), point_moments[b, 0], point_moments[b, 1],
+                    now, step,
+                )  # fmt: skip
+    return history
