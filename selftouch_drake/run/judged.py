@@ -1,7 +1,7 @@
 """Judges what any method, in any language, makes of a recording whose truth is known.
 
 A recording `NAME.npz` has what a method may use; `NAME.truth.npz` beside it has the truth.
-`benchmarks/recordings.py` makes both and says what they hold.
+`benchmarks/make/recordings.py` makes both and says what they hold.
 """
 
 from collections.abc import Mapping
@@ -86,7 +86,7 @@ def find_recording(recording: str) -> Path:
     hint = closest(recording, names) or f"shipped are {', '.join(names)}"
     raise FileNotFoundError(
         f"--recording is {shown(recording)}, neither a file nor shipped: {hint}; "
-        "benchmarks/recordings.py makes all"
+        "benchmarks/make/recordings.py makes all"
     )
 
 

@@ -24,7 +24,7 @@ from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 
 #: Logarithm of the expected shape error: constant, and slopes in the logarithms of stress,
 #: unevenness and number of kernels. Calibrated by least squares on the bodies, skins, joints,
-#: touches and targets of `benchmarks/trust.py confidence`.
+#: touches and targets of `benchmarks/accuracy/trust.py confidence`.
 _CONSTANT, _SLOPES = 2.48, (0.15, 1.21, -0.37)
 
 #: A shape is trusted below this expected error and from this margin of its holes on.
