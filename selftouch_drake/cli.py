@@ -819,7 +819,7 @@ def _tracking(execution, world) -> str:
     if world is None:  # the body has units of its own
         return f"{np.sqrt(np.square(off).mean()):.2g}"
     # Joints that have slipped do not read it.
-    squares = np.square(off - world.simulation.slip)
+    squares = np.square(off - world.slip)
     turns = world.robot.turns
     return ", ".join(
         f"{1e3 * np.sqrt(squares[:, joints].mean()):.1f} {unit}"
