@@ -8,7 +8,7 @@ from gymnasium.spaces import Box, Space
 
 from selftouch_drake.envs.environment import Observation, SelfTouchEnv
 from selftouch_drake.envs.postures import Contacts, FirmTouches, contacts_of
-from selftouch_drake.robot import LOG_PERIOD
+from selftouch_drake.systems.simulation import LOG_PERIOD
 
 #: Likeness at which a sensation counts as the wanted one.
 REACHED = 0.9

@@ -29,6 +29,10 @@ _FEWEST_CHECKS = 200
 # s over which the progress is averaged. The acceleration of the fastest progress jumps, and with it
 # the tracking error of the robot; after averaging it ramps.
 _EASING_S = 0.06
+#: s, from full speed to rest: at 1 rad/s that is 2.5 rad/s², half of what plans may use.
+BRAKING_S = 0.4
+# s, between two samples of a motion that is slowed down.
+_BRAKING_STEP_S = 0.01
 # s, duration of a path of length 0.
 _REST_S = 0.01
 # A smaller coefficient of the acceleration counts as zero.
@@ -120,6 +124,18 @@ def time_path(
         power = np.arange(len(s_of_t.c) - 1, -1, -1.0)[:, None]
         s_of_t = PPoly(s_of_t.c / slower**power, s_of_t.x * slower)
         least /= slower
+
+
+def braking(now: float, end_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How a motion slows down to a stop on its own path, from a time of its own on.
+
+    Returns:
+        `(N,)` s from 0 to `BRAKING_S`; `(N,)` s of the motion's own time then, which goes on ever
+        more slowly, at most to its end; `(N,)` its rate, 1 to 0.
+    """
+    since = np.linspace(0.0, BRAKING_S, round(BRAKING_S / _BRAKING_STEP_S) + 1)
+    at = (now + since - since**2 / (2 * BRAKING_S)).clip(0.0, end_s)
+    return since, at, 1.0 - since / BRAKING_S
 
 
 def _pieces(path: BSpline) -> PPoly:

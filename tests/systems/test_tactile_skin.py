@@ -20,8 +20,9 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from selftouch_drake.geometry import hollow, receptors, surfaces
-from selftouch_drake.robot import AddTactileSkin, RegisterSkin, SkinModel, UnfeltContactWarning
+from selftouch_drake.robot import SkinModel
 from selftouch_drake.robot.faces import Faces
+from selftouch_drake.systems import AddTactileSkin, RegisterSkin, UnfeltContactWarning
 
 
 @pytest.fixture(scope="module")

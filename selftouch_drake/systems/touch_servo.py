@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    LeafSystem,
+    OutputPort,
+)
 
 #: rad, offsets across the skin that the servo distinguishes: 4 mm at an arm's length.
 OFFSETS = 0.005 * np.arange(-12, 13)
@@ -72,12 +78,20 @@ class TouchServo(LeafSystem):
         output_ports:
         - desired_state
 
-    - desired_state: `(2J,)` rad or m, and their rates; input as planned, output with the offset.
-    - sensation: `(S,)` N.
-    - beside: what is felt beside the path, across which `OFFSETS` lie, as attributes: `time_s`
-      `(K,)` s of the context, of places along the path; `across` `(K, J)` unit directions across
-      the skin, in configurations scaled by `joint_scale` `(J,)`; `strength` `(K, G)` N of the
-      touch, 0 where the servo rests. An agent's `TouchProfile` is one; `()` keeps the offset.
+    =================== ======== ==== ============ =========================================
+    port                type     size unit         what
+    =================== ======== ==== ============ =========================================
+    desired_state (in)  vector   2J   rad, m, /s   positions as planned, then their rates
+    sensation (in)      vector   S    N            one reading per receptor
+    beside (in)         abstract                   what is felt beside the path, see below
+    desired_state (out) vector   2J   rad, m, /s   the same with the offset
+    =================== ======== ==== ============ =========================================
+
+    `beside` may be left unconnected, or be `()`: then the offset stays as it is. Otherwise it says
+    what is felt across the path, where `OFFSETS` lie, as attributes: `time_s` `(K,)` s of the
+    context, of places along the path; `across` `(K, J)` unit directions across the skin, in
+    configurations scaled by `joint_scale` `(J,)`; `strength` `(K, G)` N of the touch, 0 where the
+    servo rests. An agent's `TouchProfile` is one.
 
     The offset, its rate and the belief are discrete state. The offset never exceeds `MAX_OFFSET`,
     and never leads out of the limits of the joints.
@@ -111,6 +125,23 @@ class TouchServo(LeafSystem):
             },
         )
 
+    @staticmethod
+    def AddToBuilder(
+        builder: DiagramBuilder,
+        desired_state: OutputPort,
+        sensation: OutputPort,
+        *,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        name: str = "touch_servo",
+    ) -> "TouchServo":
+        """Adds a servo behind what commands a robot; limits are as of the constructor."""
+        servo = TouchServo(num_receptors=sensation.size(), lower=lower, upper=upper)
+        builder.AddNamedSystem(name, servo)
+        builder.Connect(desired_state, servo.GetInputPort("desired_state"))
+        builder.Connect(sensation, servo.GetInputPort("sensation"))
+        return servo
+
     def Begin(self, context: Context, beside: Any, *, at_rest: bool) -> None:
         """Begins a motion at time 0: gives this system's context what is beside its path.
 
@@ -132,7 +163,8 @@ class TouchServo(LeafSystem):
         return offset + (context.get_time() - state[-1]) * rate, rate
 
     def _update(self, context, discrete_state):
-        beside, time_s = self._beside.Eval(context), context.get_time()
+        beside = self._beside.Eval(context) if self._beside.HasValue(context) else ()
+        time_s = context.get_time()
         offset, _ = self._moved(context)
         rate, belief = np.zeros(self._num_joints), context.get_discrete_state(self._belief).value()
         expected = np.zeros(0)

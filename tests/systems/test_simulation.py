@@ -12,8 +12,8 @@ from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.schema import JointSettings
-from selftouch_drake.robot import LOG_PERIOD, Simulation
 from selftouch_drake.robot.imperfections import slip
+from selftouch_drake.systems.simulation import LOG_PERIOD, Simulation, simulation_of
 
 
 @pytest.fixture(scope="module", params=["in the air", "through the skin"])
@@ -52,7 +52,7 @@ def followed(simulation, time_s, q, v):
 
 @pytest.fixture(scope="module")
 def done(world, motion):
-    return followed(world.simulation, motion.time_s, motion.q, motion.v)
+    return followed(simulation_of(world), motion.time_s, motion.q, motion.v)
 
 
 def test_the_robot_follows_within_five_milliradians(done, motion):
@@ -80,7 +80,7 @@ def test_what_is_felt_is_what_is_felt_there_without_time(world, done, motion):
 
 
 def test_a_motion_is_executed_the_same_again(world, done, motion):
-    again = followed(world.simulation, motion.time_s, motion.q, motion.v)
+    again = followed(simulation_of(world), motion.time_s, motion.q, motion.v)
     np.testing.assert_array_equal(again.q, done.q)
     np.testing.assert_array_equal(again.felt, done.felt)
 
@@ -122,7 +122,7 @@ def free_start(world):
 
 def test_each_motion_goes_on_from_where_the_robot_is(open_world):
     world = open_world
-    simulation, robot = world.simulation, world.robot
+    simulation, robot = simulation_of(world), world.robot
     simulation.rest_at(free_start(world))
     time_s, blend = quintic()
     for joints in ([0, 3], [2, robot.num_joints - 1]):
@@ -145,7 +145,7 @@ def test_each_motion_goes_on_from_where_the_robot_is(open_world):
 
 
 def test_the_log_starts_over_when_it_is_taken(cube_world):
-    simulation = cube_world.simulation
+    simulation = simulation_of(cube_world)
     simulation.rest_at(free_start(cube_world))
     simulation.advance_to(0.1)
     first = simulation.take_log()
@@ -194,7 +194,7 @@ def test_a_robot_is_led_along_a_walk(name):
 
 
 def test_joints_are_led_on_from_where_they_are_commanded_to_be(world):
-    simulation, J = world.simulation, world.robot.num_joints
+    simulation, J = simulation_of(world), world.robot.num_joints
     lower, upper = world.robot.babbled_range
     middle = (lower + upper) / 2
     simulation.rest_at(middle)

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 from selftouch_drake.agent.touch_profile import TouchProfile
-from selftouch_drake.robot.servo import (
+from selftouch_drake.systems.touch_servo import (
     BANDWIDTH,
     MAX_OFFSET,
     OFFSETS,

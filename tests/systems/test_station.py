@@ -3,7 +3,8 @@ import pytest
 import robots
 from pydrake.systems.framework import PortDataType
 
-from selftouch_drake.robot import MakeDynamicStation
+from selftouch_drake.systems import MakeDynamicStation
+from selftouch_drake.systems.simulation import simulation_of
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +24,12 @@ def test_dynamic_ports(world, dynamic):
         "desired_state": 2 * num_joints
     }
     assert _ports(diagram.num_output_ports(), diagram.get_output_port) == {
+        "q": num_joints,
         "state": 2 * num_joints,
         "sensation": world.experiment.num_receptors,
         "torque": num_joints,
         "contact_results": None,
+        "body_poses": None,
         "query_object": None,
     }
 
@@ -63,7 +66,7 @@ def test_which_toucher_may_touch_which_skin(two_arms):
 
 def hold(world, start, goal, duration):
     """Lets controllers pull a robot from rest at `start` to `goal`."""
-    simulation = world.simulation
+    simulation = simulation_of(world)
     simulation.rest_at(start)
     time_s = np.array([0.0, 1e-3])
     # A path that begins elsewhere: the robot is drawn to it.
@@ -90,9 +93,9 @@ def test_joint_limits_hold_and_efforts_saturate(open_world, side):
 
 def test_gravity_is_compensated(world):
     q = robots.free(world, robots.anywhere(world.robot, 200, seed=7))[0]
-    world.simulation.rest_at(q)
-    world.simulation.advance(0.5)
-    log = world.simulation.take_log()
+    simulation_of(world).rest_at(q)
+    simulation_of(world).advance(0.5)
+    log = simulation_of(world).take_log()
     np.testing.assert_allclose(log.q_steps, np.broadcast_to(q, log.q_steps.shape), atol=1e-6)
     # An infant's arms weigh little.
     assert np.abs(log.torque).max() > 0.3

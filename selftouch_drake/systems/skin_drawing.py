@@ -7,8 +7,8 @@ from matplotlib.colors import to_rgb
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
-from selftouch_drake.show.skins import SkinSurface
-from selftouch_drake.show.style import PRESSURE, SKIN
+from selftouch_drake.colors import PRESSURE, SKIN
+from selftouch_drake.robot.skin_surface import SkinSurface
 
 # Number of colours for pressure: few, so that a receptor's colour changes rarely.
 _STEPS = 24
