@@ -17,7 +17,7 @@ from numba import njit
 from ompl import base as ob
 from ompl import geometric as og
 
-from selftouch_drake.agent.planning.route import goal_members
+from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.experiment.schema import SurfaceSettings

@@ -16,10 +16,10 @@ import pytest
 from commands import SMALL, refused, selftouch
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.representation.graphs import connected_edges
 from selftouch_drake.cli import _route, exit_status
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.loading import parse_fields
+from selftouch_drake.quotient.graph import connected_edges
 from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory

@@ -1,6 +1,7 @@
-"""The experience as a learner reads it: in batches, checked, by this process or by many.
+"""The experience (M, S): motor configurations that led to non-null sensations (paper, section III).
 
-What is computed from a block of rows depends on these rows alone and not on where it is computed.
+It may be larger than the memory, so a learner reads it in batches, and checks it. What is computed
+from a block of rows depends on these rows alone, and not on where it is computed.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -11,8 +12,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.kernels import Draw, KernelReservoir
-from selftouch_drake.agent.representation.quantise import strength
+from .reservoir import Draw, KernelReservoir
+from .sensations import strength
 
 # Rows per block: bounds the memory.
 _BLOCK = 16_384
@@ -39,11 +40,15 @@ def passed(
     *,
     check: bool = False,
 ) -> Iterator[Any]:
-    """What `work` makes of each block of the experience, in order, and of the draw for it."""
+    """What `work` makes of each block of the experience, in order, and of the draw for it.
+
+    Batches that are read where they are needed are checked there, if so asked.
+    """
 
     def parts() -> Iterator[tuple[Draw, Any]]:
         first_row = 0
         for batch in batches:
+            # Arrays are cut here; what is stored is cut where it is read.
             for part in _in_blocks(*batch) if isinstance(batch, tuple) else (batch,):
                 yield reservoir.draw(first_row), part
                 first_row += len(part[1]) if isinstance(part, tuple) else part.num_rows
@@ -54,12 +59,15 @@ def passed(
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def _made(work: Callable[[Draw, Batch], Any], check: bool, part: tuple[Draw, Any]) -> list[Any]:
-    """What `work` makes of each block of a batch; one that is read is checked, if so asked."""
+    """What `work` makes of each block of one part; arrays are one block, checked before."""
     draw, batch = part
     if isinstance(batch, tuple):
         return [work(draw, batch)]
-    made, first_row, read = [], draw.first_row, batch.read()
-    for sensation, q in _in_blocks(*_checked_batch(read, first_row) if check else read):
+    first_row, rows = draw.first_row, batch.read()
+    if check:
+        rows = _checked_batch(rows, first_row)
+    made = []
+    for sensation, q in _in_blocks(*rows):
         made.append(work(replace(draw, first_row=first_row), (sensation, q)))
         first_row += len(q)
     return made

@@ -1,7 +1,8 @@
-"""How many dimensions the skin has, and how many the space that it lies in (naive).
+"""Dimensions of X/=_phi: of the skin, and of the space that it lies in (paper, sections I and II).
 
-The agent supposes neither that its skin is a surface nor that space has three dimensions. Both
-follow from distances between its kernels.
+"The objective for the agent is to understand the characteristics, such as topology and space
+dimension, of the movements of its end-effector." It supposes neither that its skin is a surface nor
+that space has three dimensions. Both follow from distances between its kernels.
 
 - *Skin.* Kernels are evenly spaced. The more dimensions, the faster their number grows with the
   distance around a kernel.
@@ -12,11 +13,7 @@ follow from distances between its kernels.
 
 import numpy as np
 
-from selftouch_drake.agent.shape.embedding import (
-    Embedding,
-    curvature_corrected_mds,
-    stress_embedding,
-)
+from .layout import Embedding, curvature_corrected_mds, stress_embedding
 
 #: Ranks of the neighbours between which growth is measured around each kernel: near enough that
 #: neither the far side of a thin part nor a rim counts.

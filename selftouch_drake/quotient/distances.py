@@ -1,17 +1,20 @@
-"""Distances between motor kernel sets (paper, section III, "Motor planning").
+"""Distances between points of M/=_Psi: between motor kernel sets (paper, "Motor planning").
 
-Every set distance uses one table: the distances from each configuration of one set to the nearest
-configuration of the other. They differ in how they reduce it to a number.
+"The points themselves being sets, the distance should be defined between sets in the motor
+configuration space and should be derived from quotient metrics." Every set distance here uses one
+table: the distances from each configuration of one set to the nearest configuration of the other.
+They differ in how they reduce it to a number.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numba
 import numpy as np
 
-from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.threads import in_slices, thread_pool
+from .kernels import KernelSets
+from .threads import in_slices, thread_pool
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
@@ -21,6 +24,19 @@ _TOGETHER = 8
 # Links along which one thread searches at once.
 _LINKS = 32
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
+
+
+@dataclass(frozen=True, slots=True)
+class SetDistance:
+    """A way to reduce nearest distances to the distance of two sets.
+
+    Attributes:
+        reduce: maps nearest distances `(N, K)`, of N configurations of a set to K sets, to `(K,)`.
+        combine: makes one `(K, K)` array of those from each set and those to each set.
+    """
+
+    reduce: Callable[[np.ndarray], np.ndarray]
+    combine: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def quantile(near: np.ndarray, share: float) -> np.ndarray:
@@ -37,18 +53,19 @@ def quantile(near: np.ndarray, share: float) -> np.ndarray:
     return below + between * done if done < 0.5 else above - between * (1.0 - done)
 
 
-#: The set distances by name: what maps `(N, K)` nearest distances, of N configurations to K sets,
-#: to `(K,)`, and what combines both directions. `minimum` is the paper's quotient metric; measured
-#: on bodies of known shape, `quantile` keeps neighbours best.
-SET_DISTANCES: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
-    "minimum": (lambda near: near.min(axis=0), np.minimum),
-    "quantile": (lambda near: quantile(near, 0.1), lambda there, back: (there + back) / 2),
+#: The set distances by name. `minimum` is the paper's quotient metric; measured on bodies of known
+#: shape, `quantile` keeps neighbours best.
+SET_DISTANCES = {
+    "minimum": SetDistance(lambda near: near.min(axis=0), np.minimum),
+    "quantile": SetDistance(
+        lambda near: quantile(near, 0.1), lambda there, back: (there + back) / 2
+    ),
 }
 
 
 def set_distances(
     sets: KernelSets,
-    name: str,
+    name: str = "quantile",
     *,
     max_queries: int = MAX_QUERIES,
     rough: np.ndarray | None = None,
@@ -67,44 +84,54 @@ def set_distances(
     Raises:
         ValueError: a kernel is empty.
     """
-    offsets, sizes = np.asarray(sets.offsets, dtype=np.int64), sets.sizes
-    if (empty := np.flatnonzero(sizes <= 0)).size:
+    if (empty := np.flatnonzero(sets.sizes <= 0)).size:
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from its offsets")
-    reduce, symmetrise = SET_DISTANCES[name]
-    members = np.ascontiguousarray(sets.x, dtype=np.float32)
-    kernels = np.arange(len(sets))
-    search = _nearest_squared(members.shape[1], False)
-    queries = sets.at(members).thinned(max_queries)
-    fewer = sets.at(members).thinned(min(_FEW_QUERIES, max_queries))
-
-    def nearest(x: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        squared = np.empty((len(asked), len(x)), dtype=np.float32)
-        search(x.T.copy(), members, offsets[asked], offsets[asked + 1], squared, _NOT_TOLD)
-        return np.sqrt(squared.T)
-
-    def roughly(rows: slice) -> None:
-        some = kernels[rows]
-        few = [fewer.members(kernel) for kernel in some]
-        near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
-        for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
-            there[kernel] = reduce(table)
-
-    def exactly(kernel: int) -> None:
-        asked = np.flatnonzero(exact[kernel])
-        there[kernel, asked] = reduce(nearest(queries.members(kernel), asked))
-
-    exact = np.ones((len(kernels), len(kernels)), dtype=bool) if rough is None else ~rough
+    sets = sets.at(np.ascontiguousarray(sets.x, dtype=np.float32))
+    chosen = SET_DISTANCES[name]
+    exact = np.ones((len(sets), len(sets)), dtype=bool) if rough is None else ~rough
     if changed is not None:
         exact &= changed[:, None] | changed
     there = np.zeros(exact.shape, dtype=np.float32)
     if rough is not None:
-        in_slices(roughly, len(kernels), _TOGETHER)
+        _fill_roughly(there, sets, chosen, min(_FEW_QUERIES, max_queries))
+    queries = sets.thinned(max_queries)
+
+    def fill_exactly(kernel: int) -> None:
+        asked = np.flatnonzero(exact[kernel])
+        there[kernel, asked] = chosen.reduce(_nearest(queries.members(kernel), sets, asked))
+
     with thread_pool() as pool:
-        for done, _ in enumerate(pool.map(exactly, range(len(kernels))), 1):
-            progress(done / len(kernels))
-    distance = symmetrise(there, there.T)
+        for done, _ in enumerate(pool.map(fill_exactly, range(len(sets))), 1):
+            progress(done / len(sets))
+    distance = chosen.combine(there, there.T)
     np.fill_diagonal(distance, 0.0)
     return distance
+
+
+def _fill_roughly(
+    there: np.ndarray, sets: KernelSets, chosen: SetDistance, num_queries: int
+) -> None:
+    """Writes `(K, K)` reduced distances from few queries of each set to all sets."""
+    queries, kernels = sets.thinned(num_queries), np.arange(len(sets))
+
+    def fill(rows: slice) -> None:
+        some = [queries.members(kernel) for kernel in kernels[rows]]
+        near = _nearest(np.concatenate(some), sets, kernels)
+        first = 0
+        for kernel, asking in zip(kernels[rows], some, strict=True):
+            there[kernel] = chosen.reduce(near[first : first + len(asking)])
+            first += len(asking)
+
+    in_slices(fill, len(sets), _TOGETHER)
+
+
+def _nearest(x: np.ndarray, sets: KernelSets, asked: np.ndarray) -> np.ndarray:
+    """`(N, n)` rad, distance of each of `(N, J)` configurations to the n sets that are asked."""
+    offsets = np.asarray(sets.offsets, dtype=np.int64)
+    squared = np.empty((len(asked), len(x)), dtype=np.float32)
+    search = _nearest_squared(sets.x.shape[1], False)
+    search(x.T.copy(), sets.x, offsets[asked], offsets[asked + 1], squared, _NOT_TOLD)
+    return np.sqrt(squared.T)
 
 
 def linked_nearest(

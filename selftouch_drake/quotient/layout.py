@@ -1,4 +1,9 @@
-"""Lays out kernels in space from their distances along the body (paper, section IV)."""
+"""A layout of M/=_Psi in space (paper, "Topology of the representation and body shape").
+
+"In the case where the agent touches its own body with only one finger [...] the internal
+representation is equivalent, in topology, to a 3D discrete shape of the body." Kernels are laid out
+so that their distances in space fit their distances along the graph.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +15,8 @@ from scipy.linalg import eigh, eigvalsh, inv, orthogonal_procrustes
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graphs import geodesics
-from selftouch_drake.threads import mapped, thread_pool
+from .paths import geodesics
+from .threads import mapped, thread_pool
 
 # The number of threads changes the order of sums, and with it the axes of a symmetric body.
 one_thread = threadpool_limits.wrap(limits=1, user_api="blas")

@@ -1,4 +1,10 @@
-"""From waypoints to a smooth geometric path in motor space."""
+"""A continuous trajectory through motor kernels (paper, "Sensation trajectory planning").
+
+"Using this computed path, a continuous trajectory can be interpolated between successive motor
+configuration kernels [...]. Such a trajectory can also be optimized [...] to assure a smooth
+trajectory of the end-effector." It is a quintic spline of low jerk near the polyline through one
+configuration of each kernel.
+"""
 
 from collections.abc import Callable
 from functools import lru_cache

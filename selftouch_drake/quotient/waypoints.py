@@ -1,4 +1,8 @@
-"""The waypoints of a plan: one motor configuration in each kernel of a route."""
+"""Waypoints: one motor configuration of each kernel on a route (paper, section IV).
+
+Each point of M/=_Psi on a route is a set of motor configurations. Which of them the agent passes
+decides how far it moves.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -8,99 +12,7 @@ import numba
 import numpy as np
 from numba import njit
 
-from selftouch_drake.agent.memory import Slides
-from selftouch_drake.agent.planning.route import square_step
-from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation.quotient import NO_MODE
-
-
-class Waypoints:
-    """Waypoints of an unfinished plan: first candidates, then one of them for each kernel.
-
-    They come in stretches along links. On a stretch only the joints that matter move; all others
-    stay as they were at its beginning.
-
-    Args:
-        node: the kernel that is felt at the start.
-        x: `(J,)` the scaled configuration there.
-        joints: the joints that move from there on.
-    """
-
-    def __init__(self, node: int, x: np.ndarray, joints: np.ndarray):
-        self.nodes = [node]
-        self.in_air: list[bool] = []
-        self.links: list[int] = []
-        #: The mode of each step along a link; `NO_MODE` of the others.
-        self.modes: list[int] = []
-        #: Whether each waypoint stays as it is: a leg begins or ends there.
-        self.kept = [True]
-        self._stretches = [(x, joints, list[np.ndarray]())]
-
-    @property
-    def end(self) -> np.ndarray:
-        """`(J,)` the last configuration so far."""
-        return _chosen(*self._stretches[-1])[-1]
-
-    def follow(
-        self, nodes: list[int], links: list[int], layers: list[np.ndarray], mode: int
-    ) -> None:
-        """Adds steps along links, through one of `(n, joints that move)` candidates per node."""
-        self.nodes += nodes
-        self.in_air += [False] * len(nodes)
-        self.links += links
-        self.modes += [mode] * len(nodes)
-        self.kept += [False] * (len(nodes) - 1) + [True]
-        self._stretches[-1][2].extend(layers)
-
-    def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
-        """Adds a straight step of all joints to `x`; from there on, `joints` move."""
-        self.nodes.append(node)
-        self.in_air.append(in_air)
-        self.links.append(-1)
-        self.modes.append(NO_MODE)
-        self.kept.append(True)
-        self._stretches.append((x, joints, []))
-
-    def passed(
-        self, slides: Slides, touch: TouchModel | None, limits: tuple[np.ndarray, np.ndarray]
-    ) -> tuple[list[int], np.ndarray, np.ndarray, list[bool]]:
-        """What the plan passes: known slides replace straight steps, and others are bent.
-
-        Args:
-            slides: known slides between touches.
-            touch: bends steps along links into the skin, if there is one.
-            limits: `(J,)` lowest and highest scaled configuration of what is bent.
-
-        Returns:
-            W kernels; `(W - 1,)` the step of these waypoints that each step of the plan belongs
-            to; `(W, J)` scaled configurations; W times whether it is on a bent step, where the
-            agent only expects to touch.
-        """
-        x = np.concatenate([_chosen(*stretch) for stretch in self._stretches])
-        between = [x[:0]] * (len(x) - 1)
-        if touch is not None:
-            x, between = touch.between(x, self.modes, self.kept, limits)
-        nodes, waypoints, of_step, imagined = [self.nodes[0]], [x[0]], list[int](), [False]
-        for step, node in enumerate(self.nodes[1:]):
-            passed, felt = slides.all_between(x[step], x[step + 1])
-            imagines = not len(passed)
-            if imagines:
-                passed = between[step]
-                nearer = np.arange(len(passed)) < len(passed) / 2
-                felt = np.where(nearer, self.nodes[step], node)
-            nodes += [*felt.tolist(), node]
-            waypoints += [*passed, x[step + 1]]
-            of_step += [step] * (len(passed) + 1)
-            imagined += [imagines] * len(passed) + [False]
-        return nodes, np.array(of_step, dtype=int), np.array(waypoints), imagined
-
-
-def _chosen(x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:
-    """`(1 + layers, J)` configurations of a stretch, from `(J,)` x on."""
-    chosen = np.repeat(x[None], 1 + len(layers), axis=0)
-    if layers:
-        chosen[1:, joints] = smoothest_configurations([x[joints][None], *layers])[1:]
-    return chosen
+from .route import square_step
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:

@@ -15,13 +15,10 @@ from bodies import (
 )
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.representation.graphs import geodesics, neighbour_edges
-from selftouch_drake.agent.shape.dimension import (
-    intrinsic_dimension,
-    skin_dimension,
-    space_dimension,
-)
-from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
+from selftouch_drake.quotient.dimension import intrinsic_dimension, skin_dimension, space_dimension
+from selftouch_drake.quotient.graph import neighbour_edges
+from selftouch_drake.quotient.layout import curvature_corrected_mds
+from selftouch_drake.quotient.paths import geodesics
 
 
 def measured(points, noise=0.05, seed=0):

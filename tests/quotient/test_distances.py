@@ -4,13 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.representation.set_distances import (
+from selftouch_drake.quotient.distances import (
     SET_DISTANCES,
     linked_nearest,
     quantile,
     set_distances,
 )
+from selftouch_drake.quotient.kernels import KernelSets
 
 REFERENCE = {
     "minimum": (lambda near: near.min(axis=1), np.minimum),
@@ -79,7 +79,7 @@ def test_rough_distances_are_near_and_the_others_exact():
 @pytest.mark.parametrize("num_threads", [1, 2, 7])
 def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
     _, sets = random_sets([30, 70, 1, 40, 55], 6, 0)
-    monkeypatch.setattr("joblib.cpu_count", lambda: num_threads)
+    monkeypatch.setattr("selftouch_drake.quotient.threads.num_cores", lambda: num_threads)
     found = [set_distances(sets, name) for name in SET_DISTANCES]
     monkeypatch.undo()
     for here, there in zip(

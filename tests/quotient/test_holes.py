@@ -9,7 +9,8 @@ from ripser import ripser
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.shape.homology import alpha_filtration, circumspheres, topology
+from selftouch_drake.quotient.alpha import alpha_filtration, circumspheres
+from selftouch_drake.quotient.holes import topology
 
 
 @pytest.mark.parametrize(

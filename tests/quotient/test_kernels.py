@@ -3,7 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
+from selftouch_drake.quotient import reservoir as reservoir_module
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.reservoir import KernelReservoir, KernelSample
 
 labels = st.lists(st.integers(0, 5), min_size=1, max_size=80).map(np.array)
 
@@ -40,7 +42,7 @@ def test_batches_of_any_size_give_the_same_kernels(label, max_size, data):
     cuts = sorted(data.draw(st.lists(st.integers(0, len(label)), max_size=4)))
     whole = sample_kernels(label, max_size, seed=7)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selftouch_drake.agent.representation.kernels._LEAST_WAITING", 3)
+        patch.setattr(reservoir_module, "_LEAST_WAITING", 3)
         batched = sample_kernels(label, max_size, seed=7, cuts=cuts)
     assert batched.row.tolist() == whole.row.tolist()
     assert batched.kernel.tolist() == whole.kernel.tolist()

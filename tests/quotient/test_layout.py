@@ -7,12 +7,12 @@ from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graphs import geodesics
-from selftouch_drake.agent.shape.embedding import (
+from selftouch_drake.quotient.layout import (
     classical_embedding,
     curvature_corrected_mds,
     stress_embedding,
 )
+from selftouch_drake.quotient.paths import geodesics
 
 
 @settings(max_examples=20, deadline=None)

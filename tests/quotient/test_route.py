@@ -1,26 +1,35 @@
+from functools import partial
 from itertools import pairwise
 
+import by_hand
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels_by_hand import laid_by_hand
 
-from selftouch_drake.agent.planning.route import (
-    RouteGraph,
-    carried_route,
-    firm_members,
-    goal_members,
-    leap_penalty,
-)
-from selftouch_drake.agent.representation.graphs import link_lengths, step_links
+from selftouch_drake.quotient import Representation
+from selftouch_drake.quotient.firm import firm_rows, goal_rows
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.route import Query, RouteGraph, carried_route
+
+laid_by_hand = partial(by_hand.laid_by_hand, kind=Representation)
+make_ring = partial(by_hand.ring_by_hand, kind=Representation)
+
+
+def graph_of(representation):
+    """Its edges and the firm configurations of its kernels."""
+    rows = [firm_rows(representation, k) for k in range(representation.num_targets)]
+    firm_row = np.concatenate(rows)
+    x = representation.scaled(representation.kernel_q[firm_row]).astype(np.float32)
+    firm = KernelSets(x, np.cumsum([0, *map(len, rows)]))
+    return RouteGraph.of(firm, firm_row, representation.edges)
 
 
 def route(representation, q_start, start, goal, penalty=None):
-    goal_q = representation.kernel_q[goal_members(representation, goal)]
-    graph = RouteGraph.of(representation, representation.edges)
+    goal_q = representation.kernel_q[goal_rows(representation, goal)]
     penalty = np.ones(len(representation.edges)) if penalty is None else penalty
-    return carried_route(graph, np.atleast_1d(q_start), start, goal, goal_q, penalty).tolist()
+    query = Query(start, np.atleast_1d(q_start), goal, goal_q)
+    return carried_route(graph_of(representation), query, penalty).tolist()
 
 
 # Kernel 0 holds 0.0 (arm up) and 9.0 (arm down); kernel 1 is near the first, 2 near the second.
@@ -46,34 +55,15 @@ def test_two_short_steps_are_preferred_to_a_long_one():
     assert route(detour, 0.0, 0, 2) == [0, 1, 2]
 
 
-def test_only_firm_configurations_carry():
-    strength = np.ones(4)
-    strength[1] = 0.1
-    by_hand = laid_by_hand([[0.0], [1.0, 5.0, 6.0]], [[0, 1]])
-    object.__setattr__(by_hand, "kernel_strength", strength)
-    assert firm_members(by_hand, 1, 0).tolist() == [2, 3]
-
-
 def test_the_goal_is_entered_by_its_goal_configurations_alone():
     square = laid_by_hand([[0.0], [1.0], [3.0], [0.5, 2.9]], [[0, 1], [0, 2], [1, 3], [2, 3]])
-    graph = RouteGraph.of(square, square.edges)
-    near, far = np.array([[0.5]]), np.array([[4.9]])
-    assert carried_route(graph, np.zeros(1), 0, 3, near, np.ones(4)).tolist() == [0, 1, 3]
-    assert carried_route(graph, np.zeros(1), 0, 3, far, np.ones(4)).tolist() == [0, 2, 3]
+    graph = graph_of(square)
+    for at, found in ((0.5, [0, 1, 3]), (4.9, [0, 2, 3])):
+        query = Query(0, np.zeros(1), 3, np.array([[at]]))
+        assert carried_route(graph, query, np.ones(4)).tolist() == found
 
 
-def test_goal_configurations_are_near_the_target_and_not_the_lightest(make_ring):
-    representation = make_ring(members=100)
-    rows = goal_members(representation, 3)
-    members = representation.members(3)
-    error, strength = representation.kernel_error, representation.kernel_strength
-    assert np.all((rows >= members.start) & (rows < members.stop))
-    assert error[rows].max() <= np.median(error[members])
-    assert strength[rows].min() >= np.quantile(strength[members], 0.25)
-    assert len(rows) > 25
-
-
-def test_a_penalty_turns_the_route_the_other_way_round(make_ring):
+def test_a_penalty_turns_the_route_the_other_way_round():
     ring = make_ring(8)
     q_start = ring.kernel_q[0]
     assert route(ring, q_start, 0, 3) == [0, 1, 2, 3]
@@ -88,10 +78,9 @@ def test_a_route_that_prefers_the_body_is_short_on_it_and_takes_no_long_step():
     beyond = [[2.4 + 1.5 * k] for k in range(8)]
     for wide, way in ((1.2, [0, 4, 5]), (4.0, [0, 1, 2, 3, 5])):
         known = laid_by_hand([[0.0], [0.6], [1.2], [1.8], [wide], *beyond], edges)
-        graph = RouteGraph.of(known, known.edges)
-        asked = (np.zeros(1), 0, 5, np.array([[2.4]]), np.ones(13))
-        assert carried_route(graph, *asked).tolist() == [0, 1, 2, 3, 5]
-        assert carried_route(graph, *asked, length=np.ones(13)).tolist() == way
+        asked = graph_of(known), Query(0, np.zeros(1), 5, np.array([[2.4]])), np.ones(13)
+        assert carried_route(*asked).tolist() == [0, 1, 2, 3, 5]
+        assert carried_route(*asked, length=np.ones(13)).tolist() == way
 
 
 def test_no_route_between_parts_of_a_graph():
@@ -99,17 +88,9 @@ def test_no_route_between_parts_of_a_graph():
     assert route(apart, 0.0, 0, 2) == []
 
 
-def test_leaps_are_edges_between_far_off_sensations(make_ring):
-    chord = make_ring(20, links=[(k, (k + 1) % 20) for k in range(20)] + [(0, 9)])
-    penalty = leap_penalty(link_lengths(chord, chord.edges))
-    is_chord = (chord.edges == [0, 9]).all(axis=1)
-    assert np.all(penalty[~is_chord] == 1.0)
-    assert penalty[is_chord] > 2.0
-
-
 @settings(deadline=None)
 @given(seed=st.integers(0, 1000), start=st.integers(0, 7), goal=st.integers(0, 7))
-def test_routes_follow_edges_from_start_to_goal(seed, start, goal, make_ring):
+def test_routes_follow_edges_from_start_to_goal(seed, start, goal):
     representation = make_ring(8, seed=seed)
     nodes = route(representation, representation.kernel_q[6 * start], start, goal)
     edges = {tuple(e) for e in representation.edges.tolist()}
@@ -117,23 +98,7 @@ def test_routes_follow_edges_from_start_to_goal(seed, start, goal, make_ring):
     assert all((min(e), max(e)) in edges for e in pairwise(nodes))
 
 
-def test_links_join_what_feels_alike_and_what_the_graph_joins(make_ring):
-    chord = make_ring(20, links=[(0, 9)])
-    links = {tuple(link) for link in step_links(chord).tolist()}
-    assert {(0, 9), (0, 1), (0, 2), (0, 19)} <= links
-    assert (0, 10) not in links
-    assert all(i < j for i, j in links)
-
-
 def test_a_kernel_may_be_passed_twice_to_change_posture():
     # The goal is near 2.9, far from 0.5, where the arm enters kernel 1; kernel 2 is in between.
     detour = laid_by_hand([[0.0], [0.5, 2.9], [1.8], [3.4]], [[0, 1], [1, 2], [1, 3]])
     assert route(detour, 0.0, 0, 3) == [0, 1, 2, 1, 3]
-
-
-def test_a_light_touch_counts_as_firm_where_there_is_none_else():
-    by_hand = laid_by_hand([[0.0, 0.1, 0.2, 0.3, 0.4, 5.0, 6.0, 0.5, 0.6], [1.0]], [[0, 1]])
-    strength = np.array([3.0, 3.0, 3.0, 2.0, 2.0, 2.0, 0.1, 1.0, 0.2, 1.0])
-    object.__setattr__(by_hand, "kernel_strength", strength)
-    # The strongest third, and 5.0; 6.0 is isolated too, but very light.
-    assert firm_members(by_hand, 0, 0).tolist() == [0, 1, 2, 5]

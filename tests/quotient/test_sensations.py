@@ -3,11 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.representation.quantise import (
-    assign,
-    target_sensations,
-    unit,
-)
+from selftouch_drake.quotient.sensations import assign, target_sensations, unit
 
 
 def test_assign_by_hand():

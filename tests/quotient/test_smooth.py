@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from selftouch_drake.agent.planning.smoothing import path_length, polyline, smooth_path
+from selftouch_drake.quotient.smooth import path_length, polyline, smooth_path
 
 # Multiples of a microradian, up to a radian.
 joints = st.floats(-1.0, 1.0).map(lambda angle: round(angle, 6))

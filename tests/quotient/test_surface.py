@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from bodies import cube, sphere, torus
 
-from selftouch_drake.agent.shape.homology import fitted_surface, rolled_surface, topology
+from selftouch_drake.quotient.holes import topology
+from selftouch_drake.quotient.surface import fitted_surface, rolled_surface
 
 
 def euler(faces: np.ndarray) -> int:

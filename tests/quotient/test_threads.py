@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from selftouch_drake.threads import in_slices, mapped, thread_pool
+from selftouch_drake.quotient.threads import in_slices, mapped, thread_pool
 
 
 class Loop:

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.planning.waypoints import smoothest_configurations
+from selftouch_drake.quotient.waypoints import smoothest_configurations
 
 
 def cost(waypoints):

@@ -1,0 +1,132 @@
+"""What the agent keeps from its experience: the quotient, and what it found beside it."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from selftouch_drake.agent.records import Record
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.links import step_links
+from selftouch_drake.quotient.representation import Representation
+
+#: Value in `kernel_mode` of a configuration whose mode is unknown.
+NO_MODE = -1
+
+#: Fewest kernels of a part whose shape and holes are recovered. Smaller parts are fragments: the
+#: rim of a patch that was hardly touched, or a receptor that shares no touch with others.
+LEAST_KERNELS = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class QuotientRepresentation(Representation, Record):
+    """The paper's representation of a body that may have several parts and several hands.
+
+    Attributes:
+        kernel_mode: `(R,)` mode of each touch, which determines the joints that matter to it;
+            `NO_MODE` where unknown. See `relevance`.
+        mode_joints: `(M, J)` bool, the joints that matter in each mode.
+        overlap: `(S, S)` bool, symmetric: receptors that may feel the same touch; see
+            `touches.Together`.
+        part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels. Edges
+            join kernels of one part.
+        embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
+            and unit of that part; NaN in fragments, and where no body was recovered. See
+            `RecoveredBody.embed`.
+        num_set_aside: touches of several places at once that were excluded; see `Together.places`.
+
+    Raises:
+        ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
+    """
+
+    by_row: ClassVar[tuple[str, ...]] = (*Representation.by_row, "kernel_mode")
+    by_kernel: ClassVar[tuple[str, ...]] = (*Representation.by_kernel, "embedding")
+
+    kernel_mode: np.ndarray
+    mode_joints: np.ndarray
+    overlap: np.ndarray
+    part: np.ndarray
+    embedding: np.ndarray
+    num_set_aside: int = 0
+
+    def __post_init__(self) -> None:
+        Representation.__post_init__(self)
+        self.check_arrays({"mode_joints": (None, self.kernel_q.shape[1])})
+        num_kernels, num_receptors = self.target_sensations.shape
+        self.check_arrays(
+            {
+                "kernel_mode": (self.num_rows,),
+                "overlap": (num_receptors, num_receptors),
+                "part": (num_kernels,),
+                "embedding": (num_kernels, 3),
+            }
+        )
+        num_modes = len(self.mode_joints)
+        if not NO_MODE <= self.kernel_mode.min() <= self.kernel_mode.max() < num_modes:
+            raise ValueError(f"kernel_mode must hold modes 0 to {num_modes - 1}, or {NO_MODE}")
+        if not self.mode_joints.any(axis=1).all():
+            raise ValueError("mode_joints has a mode without joints, expected one or more")
+        sizes = np.bincount(self.part) if self.part.min() >= 0 else np.zeros(1)
+        if (sizes == 0).any() or (np.diff(sizes) > 0).any():
+            raise ValueError("part must number the parts from 0, largest first")
+        across = self.edges[np.diff(self.part[self.edges]).any(axis=1)]
+        if len(across):
+            raise ValueError(f"edges join kernels {across[0].tolist()} of different parts")
+
+    @property
+    def num_parts(self) -> int:
+        """Number of parts without fragments of fewer than `LEAST_KERNELS` kernels; 1 or more.
+
+        They are parts 0 to `num_parts - 1`.
+        """
+        return max(int(np.sum(np.bincount(self.part) >= LEAST_KERNELS)), 1)
+
+    @property
+    def apart(self) -> np.ndarray:
+        """`(K, K)` bool, pairs of kernels on different parts: no edge and no link joins them."""
+        return self.part[:, None] != self.part
+
+    def step_links(self) -> np.ndarray:
+        """`(L, 2)` the kernels between which plans may step; they are of one part."""
+        return step_links(self.target_sensations, self.edges, self.apart)
+
+    @property
+    def kernel_sets(self) -> KernelSets:
+        """The kernel sets, rad, float32: scaled configurations, joints that matter."""
+        x = mattering(self.scaled(self.kernel_q), self.kernel_mode, self.mode_joints)
+        return KernelSets(x, self.kernel_offsets)
+
+    def restricted(self, kernels: np.ndarray) -> Self:
+        """The representation of some of the kernels, `(n,)` ascending."""
+        if len(kernels) == self.num_targets:
+            return self
+        _, part = np.unique(self.part[kernels], return_inverse=True)
+        return self._with_kernels(kernels, part=part)
+
+
+def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
+    """`(R, J)` float32, scaled configurations with joints that do not matter set to their mean.
+
+    Otherwise these joints would be noise in every distance between configurations. Mode and
+    `mode_joints` are as of `QuotientRepresentation`.
+    """
+    return np.where(row_joints(mode, mode_joints), x, x.mean(axis=0)).astype(np.float32)
+
+
+def row_joints(mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
+    """`(R, J)` bool, the joints that matter to touches of modes `(R,)`; all for `NO_MODE`."""
+    # `NO_MODE` is the last row.
+    return np.concatenate([mode_joints, np.ones_like(mode_joints[:1])])[mode]
+
+
+def stored_row(representation: QuotientRepresentation, kernel: int, q: np.ndarray) -> int | None:
+    """The row of `kernel_q` at which `(J,)` q is stored in a kernel; None if it is not.
+
+    Joints that do not matter to a touch may have any position.
+    """
+    members = representation.members(kernel)
+    off = np.abs(representation.scaled(representation.kernel_q[members] - q))
+    matter = row_joints(representation.kernel_mode[members], representation.mode_joints)
+    off = np.where(matter, off, 0.0).max(axis=1)
+    # Stored configurations are float32.
+    return members.start + int(off.argmin()) if off.min() < 1e-5 else None
