@@ -7,7 +7,7 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 from pydrake.trajectories import BsplineTrajectory
 from scipy.interpolate import BSpline
 
-from selftouch_drake.agent.planning.timing import fastest_progress
+from selftouch_drake.agent.planning.fastest import fastest_progress
 from selftouch_drake.quotient.smooth import smooth_path
 
 VELOCITY = np.array([1.0, 1.5, 2.0])
