@@ -14,12 +14,13 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Followed, ServoedBody
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.novelty import Recorded
-from selftouch_drake.agent.planning.planner import Limits, checked_configuration
+from selftouch_drake.agent.planning.planner import checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
 from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
+from selftouch_drake.quotient.plan import Limits
 from selftouch_drake.randomness import random_stream
 
 #: Hz, rate of the samples of a timed motion.

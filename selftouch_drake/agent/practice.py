@@ -14,11 +14,11 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan, steps
-from selftouch_drake.agent.planning.planner import Limits
 from selftouch_drake.agent.rehearsal import Try
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, stored_row
 from selftouch_drake.agent.representation.touches import felt_kernels
 from selftouch_drake.agent.sliding import Slider, straight
+from selftouch_drake.quotient.plan import Limits
 
 #: rad of path between the places at which the agent feels, and checks that it can be there.
 _SAMPLED = 0.03

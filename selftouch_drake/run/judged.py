@@ -11,10 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.graphs import connected_edges, neighbour_edges
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
-from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
-from selftouch_drake.agent.shape.homology import flat, topology
 from selftouch_drake.bodies.embodiment import build_world
 from selftouch_drake.evaluation.shape import (
     KernelTruth,
@@ -24,6 +21,10 @@ from selftouch_drake.evaluation.shape import (
 )
 from selftouch_drake.experiment import closest, load_experiment, shown
 from selftouch_drake.files import load_arrays
+from selftouch_drake.quotient.alpha import flat
+from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
+from selftouch_drake.quotient.holes import topology
+from selftouch_drake.quotient.layout import curvature_corrected_mds
 from selftouch_drake.resources import RECORDINGS
 
 #: Arrays that say where things are: a file holds one of them, or plans alone.

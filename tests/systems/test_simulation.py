@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import robots
 
-from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.schema import JointSettings
+from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.robot.imperfections import slip
 from selftouch_drake.systems.simulation import LOG_PERIOD, Simulation, simulation_of
 
