@@ -26,7 +26,7 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.touches import felt_kernels
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.practice import DryRun
+    from selftouch_drake.agent.dry_run import DryRun
     from selftouch_drake.agent.shape.recovery import RecoveredBody
 
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +16,7 @@ from selftouch_drake.experiment import shown
 from selftouch_drake.files import load_arrays
 
 #: A column of a table, or an array of an archive.
-Column = pa.ChunkedArray | np.ndarray
+Column: TypeAlias = pa.ChunkedArray | np.ndarray
 _DELIMITERS = ",;\t| "
 # What stands around and between the numbers of a list that is written as text.
 _AROUND, _BETWEEN = " \t\r\n[](){},;", r"[\s,;]+"

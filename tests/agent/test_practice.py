@@ -6,10 +6,11 @@ from itertools import pairwise
 import numpy as np
 from test_sliding import LIMIT, Finger, deep, feel, touches
 
+from selftouch_drake.agent.dry_run import dry_run, missed_touches
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
+from selftouch_drake.agent.other_ways import other_ways, out_of_the_way
 from selftouch_drake.agent.planning.smoothing import path_length, smooth_path
-from selftouch_drake.agent.practice import dry_run, missed_touches, other_ways, out_of_the_way
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
 
