@@ -118,7 +118,7 @@ def _slide(
 def _detour(
     representation: QuotientRepresentation, slider: Slider, x_from: np.ndarray, x_to: np.ndarray
 ) -> np.ndarray:
-    """`(n, J)` scaled configurations that a detour through the air passes; none if none is found."""
+    """`(n, J)` scaled configurations that a detour through the air passes; empty without one."""
     every = max(representation.num_rows // _NUM_FOR_DETOURS, 1)
     x = representation.scaled(representation.kernel_q[::every])
     length = np.linalg.norm(x - x_from, axis=1) + np.linalg.norm(x - x_to, axis=1)
