@@ -113,7 +113,7 @@ class GymnasiumBody:
             _require_limits(name, bound, num_joints)
         self.lower, self.upper = bounds
         span = self.upper - self.lower
-        # No space limits speeds: a quarter of the range per second, reached in a quarter of a second.
+        # By default a quarter of the range per second, reached in a quarter of a second.
         self.velocity = np.asarray(span / 4 if velocity is None else velocity, dtype=float)
         fastest = 4 * self.velocity if acceleration is None else acceleration
         self.acceleration = np.asarray(fastest, dtype=float)
