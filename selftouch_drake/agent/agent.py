@@ -26,7 +26,7 @@ from selftouch_drake.quotient.plan import most_typical
 from selftouch_drake.quotient.smooth import KNOT_SPACING
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.practice import DryRun
+    from selftouch_drake.agent.dry_run import DryRun
     from selftouch_drake.agent.shape.recovery import RecoveredBody
 
 

@@ -10,7 +10,8 @@ from pydrake.multibody.tree import Joint, PdControllerGains, RevoluteJoint
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.experiment.schema import ExecutionSettings
-from selftouch_drake.robot.joints import change_joints, fix_joints
+from selftouch_drake.robot.changes import change_joints
+from selftouch_drake.robot.joints import fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import scoped_name
 from selftouch_drake.robot.models import load_model, parse
