@@ -39,6 +39,10 @@ API = {
         "What the agent recovers",
         ("agent.shape.recovery", "agent.shape.metrics"),
     ),
+    "body_model": (
+        "The body model",
+        ("agent.body_model.model", "agent.body_model.find", "agent.body_model.asking"),
+    ),
     "planning": (
         "How the agent plans",
         ("agent.planning.planner", "agent.planning.prediction", "agent.planning.timing"),
@@ -57,7 +61,8 @@ API = {
     "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
     "evaluation": (
         "Scores against the truth",
-        ("evaluation.coverage", "evaluation.parts", "evaluation.shape", "evaluation.motion"),
+        ("evaluation.coverage", "evaluation.parts", "evaluation.shape", "evaluation.body_model")
+        + ("evaluation.motion",),
     ),
     "show": (
         "Pictures, recordings, live agent",

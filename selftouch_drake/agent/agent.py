@@ -26,6 +26,7 @@ from selftouch_drake.quotient.plan import most_typical
 from selftouch_drake.quotient.smooth import KNOT_SPACING
 
 if TYPE_CHECKING:
+    from selftouch_drake.agent.body_model.model import BodyModel
     from selftouch_drake.agent.dry_run import DryRun
     from selftouch_drake.agent.shape.recovery import RecoveredBody
 
@@ -95,6 +96,21 @@ class Agent:
         from selftouch_drake.agent.shape.recovery import recover  # not needed to plan
 
         return recover(self.representation, metric, seed=seed)
+
+    def find_body_model(
+        self, joint_names: Sequence[str] | None = None, *, seed: int = 0
+    ) -> "BodyModel":
+        """Asks whether its joints turn or slide something rigid, and tests the answer.
+
+        It assumes rigid links on joints that turn or slide. The names are carried along.
+
+        Returns:
+            The model with its judgement: rejected where held-out touches disagree.
+        """
+        from selftouch_drake.agent.body_model.asking import ask_for_model  # not needed to plan
+
+        known = self.representation, self.kernel_sensation
+        return ask_for_model(*known, joint_names=joint_names, seed=seed)
 
     def recalling(self, memory: RehearsalMemory) -> "Agent":
         """The same agent with another memory."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, Self, get_type_hints
+from typing import Any, Self, get_origin, get_type_hints
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -15,11 +15,20 @@ _KINDS = {
     **dict.fromkeys(("in_air", "imagined", "overlap", "mode_joints"), BOOLEANS),
     **dict.fromkeys(("nodes", "links", "modes", "node", "offsets"), WHOLE),
     **dict.fromkeys(("missed", "kernel_mode", "part"), WHOLE),
+    # Of a body model, in which what is unknown is NaN.
+    **dict.fromkeys(("joint_parent", "joint_kind", "order_group"), WHOLE),
+    **dict.fromkeys(("part_link", "toucher_link", "num_touches"), WHOLE),
+    **dict.fromkeys(("kernel_part", "kernel_toucher", "receptor_part"), WHOLE),
+    **dict.fromkeys(("twists", "twist_sigma", "receptor_sigma"), REAL),
+    **dict.fromkeys(("kernel_place", "kernel_normal"), REAL),
+    **dict.fromkeys(("receptor_place", "receptor_normal"), REAL),
+    **dict.fromkeys(("held_out", "inliers", "criterion"), REAL),
+    "accepted_by_part": BOOLEANS,
 }
 
 
 class Record:
-    """A frozen dataclass of arrays, numbers, texts, paths and other records.
+    """A frozen dataclass of arrays, numbers, texts, tuples of texts, paths and other records.
 
     Raises:
         ValueError: shapes or kinds of numbers disagree; the text names the first array that does
@@ -67,6 +76,11 @@ class Record:
 
 
 def _restored(name: str, kind: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    if get_origin(kind) is tuple:
+        found = _restored(name, np.ndarray, arrays)
+        if found.ndim != 1 or (found.size and found.dtype.kind != "U"):
+            raise ValueError(f"{name} is {found.dtype} {found.shape}, expected texts in a row")
+        return tuple(map(str, found))
     if issubclass(kind, Record):
         return kind.from_arrays(arrays)
     if kind is BSpline:

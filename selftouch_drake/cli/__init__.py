@@ -10,7 +10,7 @@ import sys
 import click
 
 from selftouch_drake import __version__
-from selftouch_drake.cli import importing, look, make, plan
+from selftouch_drake.cli import importing, look, make, model, plan
 from selftouch_drake.cli.errors import exit_status
 
 __all__ = ["cli", "exit_status", "main"]
@@ -23,6 +23,7 @@ COMMANDS = (
     importing.map_receptors,
     importing.calibrate,
     make.learn,
+    model.model,
     plan.plan,
     plan.execute,
     plan.record,
@@ -66,6 +67,7 @@ def cli(ctx: click.Context) -> None:
     selftouch run cube --set '{seed: 1}'      a variant, into runs/cube-seed=1
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
+    selftouch model runs/cube                 its joints, as the agent found them
     selftouch play runs/cube                  watch it live in a browser
     selftouch robot two_arms                  its joints, skins, and what touches what
     selftouch body my_robot.py:MyRobot        try a body of your own

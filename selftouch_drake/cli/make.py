@@ -37,7 +37,7 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
         if not stages.has_babbled(directory):
             babble_with_bar(directory, executor, scheduler)
             _draw_first_picture(directory)
-        if not stages.has_learned(directory):
+        if not (stages.has_learned(directory) and stages.has_modelled(directory)):
             _get_ready_to_evaluate(directory, executor)
             learn_with_bar(directory, scheduler)
         if not stages.has_evaluated(directory):
@@ -75,9 +75,10 @@ def babble(workers: int | None, scheduler: str | None, **given: Any) -> None:
 )
 @SCHEDULER
 def learn(directory: "RunDirectory", add: bool, scheduler: str | None) -> None:
-    """Learn the quotient graph and recover the body.
+    """Learn the quotient graph, recover the body and model it.
 
-    Reads the touches of the run directory RUN, never the truth (where the robot was touched).
+    Reads the touches of the run directory RUN, never the truth (where the robot was touched). If
+    all but the body model is there, only that is made.
     """
     from selftouch_drake.run.worlds import add_met
 
@@ -176,11 +177,13 @@ def _get_ready_to_evaluate(directory: "RunDirectory", executor: "Executor") -> N
 
 
 def _print_headline(directory: "RunDirectory") -> None:
-    """Prints the metrics of a run that matter most, and those of its motions."""
+    """Prints the metrics of a run that matter most, those of its motions, and its body model."""
     from rich.console import Console
     from rich.table import Table
 
+    from selftouch_drake.run.artifacts import load_body_model
     from selftouch_drake.run.metrics import MOTION_COLUMNS, motions, tiles
+    from selftouch_drake.run.model_text import headline, is_off
 
     found = directory.metrics()
     console = Console()
@@ -193,3 +196,7 @@ def _print_headline(directory: "RunDirectory") -> None:
         for row in rows:
             table.add_row(row.name, *row.cells)
         console.print(table)
+    model = load_body_model(directory)
+    click.echo(f"body model: {headline(model)}")
+    if not is_off(model):
+        click.echo(f"its joints: selftouch model {directory.path}")

@@ -54,6 +54,11 @@ def _number(value: Any) -> Any:
         return value
 
 
+def _or_off(value: Any) -> Any:
+    """The word `off`, which YAML 1.1 reads as false."""
+    return "off" if value is False else value
+
+
 def that(valid: Callable[[Any], bool], remedy: str) -> AfterValidator:
     """A check of one field; the remedy says what to give instead."""
 
@@ -384,6 +389,9 @@ class Representation(Settings):
     max_kernel_size: Annotated[Whole, Field(ge=2)] = 1000
     # The shape metric from which the body is recovered; one of SHAPE_METRICS.
     metric: ShapeMetric = "learned"
+    # Whether the agent asks if each of its joints turns or slides something rigid: `auto` asks,
+    # `off` does not. The answer stands beside the representation, which is the same either way.
+    body_model: Annotated[Literal["auto", "off"], BeforeValidator(_or_off)] = "auto"
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)

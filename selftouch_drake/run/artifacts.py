@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body_model.model import BodyModel, VersionError
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.planning.touch_model import TouchModel
@@ -114,9 +115,53 @@ def save_learned(
         ):
             save_arrays(files.enter_context(written_whole(file)), arrays | stamp)
         run.drop_metrics(keys_of("learn", "evaluate"))
+        run.body_model.unlink(missing_ok=True)
         shutil.rmtree(run.path / "plans", ignore_errors=True)
         run.rehearsal.unlink(missing_ok=True)
         run.trials.unlink(missing_ok=True)
+
+
+def save_body_model(run: RunDirectory, model: BodyModel) -> None:
+    """Saves a body model, accepted or not.
+
+    Metrics of an older one, and of what was evaluated since, are dropped.
+    """
+    of_models = {key for key in keys_of("learn") if key.startswith("body_model_")}
+    run.drop_metrics(of_models | keys_of("evaluate"))
+    save_arrays(run.body_model, model.to_arrays() | run.model_stamp())
+
+
+def load_body_model(run: RunDirectory) -> BodyModel:
+    """What the agent found out about the mechanics of its body, whether it accepted it or not.
+
+    Raises:
+        MissingError: there is none, because an older version learned or learning was interrupted.
+        RunError: it belongs to another experiment or version.
+        ValueError: the file is damaged.
+    """
+    file, remedy = run.body_model, f"run `selftouch learn {run.path}`"
+    try:
+        arrays = load_arrays(file)
+    except FileNotFoundError:
+        if not run.representation.exists():
+            raise MissingError(f"{run.path} has learned nothing yet; {remedy}") from None
+        raise MissingError(f"{run.path} has no body model yet; {remedy}, which adds it") from None
+    with _read_as("a body model", file, remedy):
+        try:
+            model = BodyModel.from_arrays(arrays)
+        except VersionError:
+            raise RunError(
+                f"{file} was made by another version of this program; {remedy}"
+            ) from None
+    run.require_stamp(file, arrays, stamp=run.model_stamp())
+    found = len(model.kernel_part), len(model.receptor_part)
+    wanted = (run.experiment.representation.num_targets, run.num_receptors)
+    if found != wanted:
+        raise RunError(
+            f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
+            f"over {wanted[1]}; {remedy}"
+        )
+    return model
 
 
 def load_body(run: RunDirectory, representation: QuotientRepresentation) -> "RecoveredBody":
@@ -244,7 +289,7 @@ def _read_as(what: str, file: Path, remedy: str) -> Iterator[None]:
     """Turns errors of arrays that do not fit together into one short line."""
     try:
         yield
-    except ForeignMemoryError:
+    except (ForeignMemoryError, RunError):
         raise
     except (KeyError, ValueError, IndexError, TypeError) as error:
         text = " ".join(str(error).split()).rstrip(".")

@@ -1,7 +1,7 @@
 """The run directory, in which every stage stores its results and finds earlier ones."""
 
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -77,6 +77,10 @@ class RunDirectory:
     touch_model = Inside(
         "touch_model.npz", "How firmly the agent expects to touch, between touches."
     )
+    body_model = Inside(
+        "body_model.npz", "What the agent found out about the mechanics of its body."
+    )
+    joints = Inside("joints.json", "The names of the joints, in the order of their readings.")
     rehearsal = Inside("rehearsal.npz", "What the agent remembers of its rehearsals.")
     trials = Inside("trials.npz", "The result of each random pair.")
     topology = Inside("topology.npz", "The persistence diagram of the recovered body.")
@@ -153,6 +157,26 @@ class RunDirectory:
     def touches(self) -> ExperienceReader:
         """The experience, with what was added to it later."""
         return ExperienceReader(self.experience, self.added)
+
+    def joint_names(self) -> list[str] | None:
+        """The names of the joints; None in an older run.
+
+        Raises:
+            RunError: the file that holds them is damaged.
+        """
+        if (imported := self.experiment.imported) is not None:
+            return list(imported.joints)
+        if not self.joints.exists():
+            return None
+        names = _read_json(self.joints)
+        if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+            raise RunError(f"{self.joints} is damaged; delete it, and the joints get numbers")
+        return names
+
+    def keep_joint_names(self, names: Sequence[str]) -> None:
+        """Stores the names of the joints, unless they are known."""
+        if self.experiment.imported is None and not self.joints.exists():
+            write_text_whole(self.joints, json.dumps(list(names)) + "\n")
 
     def known_calibration(self) -> Calibration | None:
         """How raw readings become sensations, if the run knows."""
@@ -255,26 +279,41 @@ class RunDirectory:
         return experience_fingerprint(self.experiment, self.digests())
 
     def learning_fingerprint(self) -> str:
-        """Identifies what decides what is learned: the experience and the representation."""
-        return fingerprint_of([self.fingerprint(), asdict(self.experiment.representation)])
+        """Identifies what decides the representation: the experience, and how it is learned from.
+
+        A body model is found beside the representation, and leaves it as it is.
+        """
+        settings = asdict(self.experiment.representation)
+        del settings["body_model"]
+        return fingerprint_of([self.fingerprint(), settings])
 
     def stamp(self) -> dict[str, np.ndarray]:
         """The array that marks files of learning: their format and their experience."""
         return {"made_for": np.array(f"format {RUN_FORMAT}, {self.learning_fingerprint()}")}
+
+    def model_stamp(self) -> dict[str, np.ndarray]:
+        """The array that marks the body model: what it was learned from, and whether it was."""
+        made_from = [self.learning_fingerprint(), self.experiment.representation.body_model]
+        return {"made_for": np.array(f"format {RUN_FORMAT}, {fingerprint_of(made_from)}")}
 
     def body_stamp(self) -> dict[str, np.ndarray]:
         """The array that marks files of the body, which exist before learning."""
         return {"made_for": np.array(f"format {RUN_FORMAT}, {self.fingerprint()}")}
 
     def require_stamp(
-        self, file: Path, arrays: Mapping[str, np.ndarray], *, remedy: str = ""
+        self,
+        file: Path,
+        arrays: Mapping[str, np.ndarray],
+        *,
+        remedy: str = "",
+        stamp: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         """Refuses the arrays of a file that follows from learning, unless they carry its stamp.
 
         Raises:
             RunError: they carry another, or none; the remedy is to learn again by default.
         """
-        if str(arrays.get("made_for")) != str(self.stamp()["made_for"]):
+        if str(arrays.get("made_for")) != str((stamp or self.stamp())["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
             raise RunError(f"{file} belongs to another experiment or version; {remedy}")
 

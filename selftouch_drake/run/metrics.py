@@ -20,7 +20,8 @@ class Metric:
         section: its heading in the report.
         stage: the stage that makes it: babble, learn or evaluate.
         key: its name there.
-        unit: `%` for a share, which is stored as 0 to 1; empty for a plain number.
+        unit: `%` for a share, which is stored as 0 to 1; `percent` for what is stored in percent;
+            empty for a plain number.
         target: which value is good, in a few words; empty if no value is better than another, or
             if how good it is says more of the experiment than of the agent.
         meaning: one line.
@@ -82,6 +83,8 @@ _TILES = {
     "topology_betti_by_part": "components, loops, voids by part",
     "intrinsic_dimension": "dimension",
     "embedding_dimension": "dimension of space",
+    "body_model_accepted": "body model accepted",
+    "body_model_place_error_percent": "error of imagined places",
 }
 _MOTIONS = {
     "unpractised": (
@@ -162,6 +165,8 @@ def _text(value: Any, unit: str) -> str:
         return str(value)
     if unit == "%":
         return f"{100 * value:.1f} %"
+    if unit == "percent":
+        return f"{value:.2f} %"
     number = f"{value:,}" if isinstance(value, int) else f"{value:,.3g}"
     if isinstance(value, float) and abs(value) >= 1000:
         number = f"{value:,.0f}"

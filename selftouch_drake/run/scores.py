@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover
 from selftouch_drake.bodies.embodiment import World
+from selftouch_drake.evaluation.body_model import place_errors, summary
 from selftouch_drake.evaluation.coverage import coverage
 from selftouch_drake.evaluation.parts import TouchCounts, TruePart, true_parts
 from selftouch_drake.evaluation.shape import (
@@ -62,6 +64,16 @@ def score_body(
         "kernel_spread_worst_m": float(truth.spread.max()),
         **_place_metrics(world, representation, truth, bodies, body.metric),
     }
+
+
+def score_model(
+    run: RunDirectory, world: World, representation: QuotientRepresentation, model: BodyModel
+) -> Metrics:
+    """Scores a body model against the truth; nothing where no part was accepted."""
+    contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
+    truth = kernel_truth(representation, contacts, world.receptor_skin)
+    errors = place_errors(model, representation, contacts, truth)
+    return summary(errors, [skin.name for skin in world.skins])
 
 
 def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:

@@ -30,6 +30,7 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
     load_agent,
     load_body,
+    load_body_model,
     load_motion,
     load_representation,
     save_learned,
@@ -47,6 +48,9 @@ from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, r
 
 # Enough to plan a step, and learned in a second.
 _READY_TOUCHES, _READY_TARGETS = 1000, 50
+
+# Share of the time of learning after which the body model begins, roughly.
+_UNTIL_MODEL = 0.4
 
 #: Called with the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
@@ -137,9 +141,11 @@ def _collected(run: RunDirectory, body: Body, executor: Executor, progress: Prog
 def learn(
     run: RunDirectory, progress: Progress = silent, executor: Executor | None = None
 ) -> QuotientRepresentation:
-    """Builds the quotient representation from the experience, and recovers the body from it.
+    """Builds the quotient representation from the experience, recovers the body, and models it.
 
-    The executor, whose processes see the run, reads the experience; by default this process does.
+    If all but the body model is there, because an older version learned or learning was
+    interrupted, only the model is made. The executor, whose processes see the run, reads the
+    experience; by default this process does.
 
     Raises:
         RunError: the experience is not complete.
@@ -148,13 +154,47 @@ def learn(
     Warns:
         ChangedBodyWarning: the body changed in the middle of the experience.
     """
+    from selftouch_drake.run.modelling import find_model
+
+    require_experience(run)
+    warn_of_changes(run)
+    share = 1.0 if run.experiment.representation.body_model == "off" else _UNTIL_MODEL
+    representation = _without_model(run)
+    if representation is None:
+        representation = _learn_quotient(run, _part(progress, 0.0, share), executor)
+    find_model(run, representation, progress=_part(progress, share, 1.0))
+    progress(1.0, "learned")
+    return representation
+
+
+def _part(progress: Progress, start: float, end: float) -> Progress:
+    """Reports the progress of a part of a stage, from one fraction of the stage to another."""
+    return lambda fraction, doing: progress(start + (end - start) * fraction, doing)
+
+
+def _without_model(run: RunDirectory) -> QuotientRepresentation | None:
+    """The representation of a run that has learned everything but the body model; else None."""
+    if not has_learned(run) or has_modelled(run):
+        return None
+    try:
+        representation = load_representation(run)
+        load_body(run, representation)
+    except (ValueError, OSError):
+        return None  # damaged, or of other settings: it is learned again
+    # Touches that were added since must be learned from first.
+    is_whole = representation.num_touches == run.touches().num_rows
+    return representation if is_whole else None
+
+
+def _learn_quotient(
+    run: RunDirectory, progress: Progress, executor: Executor | None
+) -> QuotientRepresentation:
+    """Builds the quotient representation, and recovers the body from it (the paper)."""
     from selftouch_drake.agent.representation.learning import learn as learn_quotient
     from selftouch_drake.agent.shape.recovery import recover
     from selftouch_drake.run.scores import found_metrics
 
     began = time.perf_counter()
-    require_experience(run)
-    warn_of_changes(run)
     settings, seed = run.experiment.representation, run.experiment.seed
     touches = run.touches()
     learned = learn_quotient(
@@ -195,7 +235,6 @@ def learn(
             "learning_wall_s": time.perf_counter() - began,
         }
     )
-    progress(1.0, "learned")
     return representation
 
 
@@ -302,6 +341,7 @@ def evaluate(
     """
     # Damaged files are refused before the long work.
     load_body(run, load_representation(run))
+    load_body_model(run)
     if run.experiment.has_truth:
         require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()
@@ -322,10 +362,14 @@ def evaluate(
 
 
 def _score_body(run: RunDirectory) -> dict[str, Any]:
-    from selftouch_drake.run.scores import score_body
+    from selftouch_drake.run.scores import score_body, score_model
 
     representation = load_representation(run)
-    return score_body(run, make_world(run), representation, load_body(run, representation))
+    body, model, world = load_body(run, representation), load_body_model(run), make_world(run)
+    return {
+        **score_body(run, world, representation, body),
+        **score_model(run, world, representation, model),
+    }
 
 
 def has_babbled(run: RunDirectory) -> bool:
@@ -337,9 +381,18 @@ def has_babbled(run: RunDirectory) -> bool:
 
 
 def has_learned(run: RunDirectory) -> bool:
-    """Whether `learn` has finished."""
+    """Whether `learn` has made the representation; the body model follows, see `has_modelled`."""
     made = (run.representation, run.topology, run.body_distances)
     return "learning_wall_s" in run.metrics() and all(path.exists() for path in made)
+
+
+def has_modelled(run: RunDirectory) -> bool:
+    """Whether a body model of this version is there, accepted or not."""
+    try:
+        load_body_model(run)
+    except (ValueError, OSError):
+        return False
+    return True
 
 
 def has_evaluated(run: RunDirectory) -> bool:

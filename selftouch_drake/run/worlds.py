@@ -163,9 +163,14 @@ def make_world(run: RunDirectory) -> World:
 
 
 def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
-    """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes."""
+    """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes.
+
+    The run keeps the names of their joints.
+    """
     if (world := bodies.world) is not None:
+        run.keep_joint_names(world.robot.joint_names)
         kept_skins(run.cache, run.fingerprint(), world)
     elif isinstance(bodies, LivingBody):
+        run.keep_joint_names(bodies.joint_names)
         bodies.calibration = bodies.calibration or run.known_calibration()
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())

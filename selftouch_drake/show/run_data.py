@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody
@@ -19,6 +20,7 @@ from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run.artifacts import (
     load_body,
+    load_body_model,
     load_execution,
     load_motion,
     load_representation,
@@ -56,7 +58,7 @@ class RunData:
             ValueError: one is damaged, or of another experiment.
         """
         self.run.metrics()
-        for name in ("skins", "representation", "body", "kernel_truth"):
+        for name in ("skins", "representation", "body", "model", "kernel_truth"):
             with contextlib.suppress(MissingError):
                 getattr(self, name)
         with contextlib.suppress(MissingError):
@@ -108,6 +110,18 @@ class RunData:
     def body(self) -> RecoveredBody:
         """The body that the agent recovered."""
         return load_body(self.run, self.representation)
+
+    @cached_property
+    def model(self) -> BodyModel:
+        """What the agent found out about the mechanics of its body, accepted or not."""
+        return load_body_model(self.run)
+
+    @property
+    def accepted_model(self) -> BodyModel:
+        """The same, if the agent accepted it on some part."""
+        if not self.model.accepted_by_part.any():
+            raise MissingError(f"the agent has no model of its body: {self.model.reason}")
+        return self.model
 
     @cached_property
     def kernel_truth(self) -> KernelTruth:

@@ -181,7 +181,7 @@ def _once(stage: str, runs: list[RunDirectory]) -> None:
     """Does what one of the runs has done already, or the first does, for all of them."""
     done = {
         "babble": stages.has_babbled,
-        "learn": stages.has_learned,
+        "learn": _has_learned,
         "evaluate": stages.has_evaluated,
     }[stage]
     donor = next((run for run in runs if done(run)), runs[0])
@@ -195,9 +195,24 @@ def _once(stage: str, runs: list[RunDirectory]) -> None:
     if stage == "babble":
         shards = (p for folder in ("truth", "experience") for p in (donor.path / folder).iterdir())
         made = [*sorted(shards), donor.skin]
+        made += [donor.joints] if donor.joints.exists() else []  # older runs have none
     for run in runs:
         if run is not donor and not done(run):
-            _share(donor, run, made, stage)
+            of_run = [donor.body_model] if stage == "learn" and _same_model(donor, run) else []
+            _share(donor, run, made + of_run, stage)
+            if stage == "learn" and not of_run:
+                with run.writing():
+                    stages.learn(run)  # the representation is there: only the body model is made
+
+
+def _same_model(one: RunDirectory, other: RunDirectory) -> bool:
+    """Whether two runs that share a representation share the body model too."""
+    models = [run.experiment.representation.body_model for run in (one, other)]
+    return models[0] == models[1]
+
+
+def _has_learned(run: RunDirectory) -> bool:
+    return stages.has_learned(run) and stages.has_modelled(run)
 
 
 def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], stage: str) -> None:

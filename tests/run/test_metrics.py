@@ -12,7 +12,7 @@ def test_every_metric_is_described_once():
         assert re.fullmatch(r"[a-z]\w+", metric.key)
         assert metric.section
         assert metric.meaning
-        assert metric.unit in ("", "%", "N", "m", "ms", "rad", "s", "×")
+        assert metric.unit in ("", "%", "percent", "N", "m", "ms", "rad", "s", "×")
         assert metric.stage in ("babble", "learn", "evaluate")
 
 

@@ -10,12 +10,16 @@ from functools import cache
 
 import numpy as np
 from by_hand import laid_by_hand
+from modelled import true_model
 from scipy.optimize import least_squares
 
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.touch_model import TouchModel
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
 from selftouch_drake.evaluation.life import LifeCurves
+from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.experience.store import Contacts, Shard, write_shard
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.files import save_arrays
@@ -23,7 +27,7 @@ from selftouch_drake.quotient.holes import topology
 from selftouch_drake.quotient.layout import Embedding
 from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.robot import Robot, World
-from selftouch_drake.run.artifacts import save_learned, save_plan
+from selftouch_drake.run.artifacts import save_body_model, save_learned, save_plan
 from selftouch_drake.run.directory import RunDirectory
 
 PER_KERNEL = 5
@@ -228,6 +232,7 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         embedding=body.positions,
     )
     save_learned(run, representation, body, TouchModel((None,)))
+    save_body_model(run, _model_of(run, laid, representation))
     touches = np.arange(1, 10)
     life = LifeCurves(
         touches=touches,
@@ -256,6 +261,18 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
             "surface_rms_fraction_by_skin": {"body": 0.012, "forearm": 0.034},
         }
     run.add_metrics(metrics)
+
+
+def _model_of(run: RunDirectory, laid: _Laid, representation: QuotientRepresentation) -> BodyModel:
+    """A model without a flaw; it does not matter that the postures were drawn at random."""
+    truth = KernelTruth(
+        skin=laid.skin,
+        positions=laid.places,
+        spread=np.full(len(laid.skin), 0.01),
+        share_single=1.0,
+    )
+    world = world_of("ball" if len(run.experiment.skins) == 1 else "two_skins")
+    return true_model(world, representation, truth)
 
 
 def _part(kernels: np.ndarray, places: np.ndarray, distance: np.ndarray) -> RecoveredPart:

@@ -14,6 +14,7 @@ from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
 from selftouch_drake.show.page.shape_figures import body_shape, persistence, quotient_graph
+from selftouch_drake.show.page.skeleton_figures import skeleton
 from selftouch_drake.show.page.skin_figures import coverage, sensation_map
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
@@ -52,7 +53,7 @@ def plan_path(data: RunData) -> Figure:
 FIGURES: dict[str, Callable[[RunData], Figure]] = {
     draw.__name__: draw
     for draw in (
-        *(agent, coverage, sensation_map, quotient_graph, body_shape, persistence),
+        *(agent, coverage, sensation_map, quotient_graph, body_shape, persistence, skeleton),
         *(plan_path, felt_and_predicted, life),
     )
 }

@@ -17,6 +17,14 @@ from selftouch_drake.robot.describe import description
 from selftouch_drake.run.artifacts import load_motion, stored_pairs
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.metrics import MOTION_COLUMNS, motions, readings, tiles
+from selftouch_drake.run.model_text import (
+    JOINT_COLUMNS,
+    PART_COLUMNS,
+    ModelText,
+    is_off,
+    model_text,
+)
+from selftouch_drake.show.page.skeleton_figures import fitted_skeleton
 from selftouch_drake.show.recovered import skins_of
 from selftouch_drake.show.run_data import NoSurfaceError, RunData
 
@@ -53,6 +61,9 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         parts = part_table(data)
         # One part on one skin needs no table.
         parts = parts if len(parts[1]) > 1 or len(data.run.experiment.skins) > 1 else None
+    model: ModelText | None = None
+    with contextlib.suppress(MissingError):
+        model = None if is_off(data.model) else model_text(data.model)
     experiment, metrics, plans = data.run.experiment, data.run.metrics(), plan_table(data)
     images = {
         name: base64.b64encode(it.read_bytes()).decode("ascii")
@@ -78,6 +89,8 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         robot=robot,
         robot_missing=robot_missing,
         parts=parts,
+        model=model,
+        model_tables=[] if model is None else model_tables(data, model),
         body=body,
         no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
@@ -137,6 +150,29 @@ def part_table(data: RunData) -> Table:
         )
     holes = "components, loops, voids found", "true, where touched"
     return "Parts", rows, ("part", "truly on", "kernel sets", *holes, "shape error")
+
+
+def model_tables(data: RunData, text: ModelText) -> list[Table]:
+    """The parts and, if some were accepted, the joints of a body model.
+
+    Joints are numbered as in its picture. Where the robot is known, each has the angle between its
+    axis and the true one.
+    """
+    tables: list[Table] = [("The judgement, by part", text.parts, PART_COLUMNS)]
+    if not data.model.accepted_by_part.any():
+        return tables
+    columns = ("", *JOINT_COLUMNS)
+    rows: list[tuple[str, ...]] = [
+        (str(number), *row) for number, row in enumerate(text.joints, start=1)
+    ]
+    with contextlib.suppress(MissingError):
+        off = fitted_skeleton(data).off
+        columns = (*columns, "off the true axis")
+        rows = [
+            (*row, "" if np.isnan(angle) else f"{angle:.1f}°")
+            for row, angle in zip(rows, off, strict=True)
+        ]
+    return [("Joints that the agent found", rows, columns), *tables]
 
 
 def plan_table(data: RunData) -> Table:

@@ -1,0 +1,63 @@
+"""Asks for the body model of what an agent has learned."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.sparse import csr_array
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.threads import mapped
+
+
+def ask_for_model(
+    representation: QuotientRepresentation,
+    sensation: csr_array | None,
+    *,
+    joint_names: Sequence[str] | None = None,
+    seed: int = 0,
+    progress: Callable[[float, str], None] = lambda fraction, doing: None,
+) -> BodyModel:
+    """Asks whether the joints turn or slide something rigid; takes all cores of this machine.
+
+    Args:
+        representation: what was learned; it is only read.
+        sensation: `(R, S)` the sensation at each stored motor configuration; without it, receptors
+            have no places.
+        joint_names: `(J,)` carried along; numbers by default.
+        seed: of the fit.
+        progress: called with the fraction done and what is being done.
+
+    Returns:
+        The model with its judgement; it may be rejected.
+    """
+    # Whoever only reads a model needs no fit.
+    from selftouch_drake.agent.body_model.find import find_body_model
+
+    names = joint_names or [f"joint_{n}" for n in range(representation.kernel_q.shape[1])]
+    # Sums in another order, by another number of threads, would give other bytes.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return find_body_model(
+            representation.kernel_q.astype(float),
+            sensation,
+            kernel_of_rows(representation),
+            representation.part,
+            joint_names=names,
+            double=pressing_two(representation),
+            seed=seed,
+            progress=progress,
+            each=mapped,
+        )
+
+
+def kernel_of_rows(representation: QuotientRepresentation) -> np.ndarray:
+    """`(R,)` the target sensation of each stored motor configuration."""
+    sizes = np.diff(representation.kernel_offsets)
+    return np.repeat(np.arange(representation.num_targets), sizes)
+
+
+def pressing_two(representation: QuotientRepresentation) -> np.ndarray:
+    """`(R,)` bool, touches of two parts at once, each of which has a row."""
+    _, number, count = np.unique(representation.kernel_row, return_inverse=True, return_counts=True)
+    return count[number] > 1

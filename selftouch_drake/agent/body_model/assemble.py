@@ -1,0 +1,282 @@
+"""From what a fit found to a `BodyModel`: raw readings, kinds of joints, skin, standard errors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model.judge import Judgement
+from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
+from selftouch_drake.agent.body_model.refine import (
+    Scene,
+    Solution,
+    all_places,
+    covariance,
+)
+from selftouch_drake.agent.body_model.tree import Tree, for_readings
+
+# A receptor lies where touches press it at least half as hard as the receptor that they press most.
+_PRESSED = 0.5
+# A dimension of the space counts if places spread in it so many times more than kernels do.
+_SPREAD = 4.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What a fit found, and what it was fitted to.
+
+    Attributes:
+        tree: of joints.
+        scene: all touches that may be explained.
+        rows: `(n,)` indices of the scene's touches among all R.
+        solution: of the scene.
+        center: `(J,)` of the readings.
+        scale: `(J,)` of the readings.
+        kind: `(J,)` values of `JointKind`.
+        order_group: `(J,)` as in `BodyModel`.
+        judgements: of each part.
+        seed: of the fit.
+    """
+
+    tree: Tree
+    scene: Scene
+    rows: np.ndarray
+    solution: Solution
+    center: np.ndarray
+    scale: np.ndarray
+    kind: np.ndarray
+    order_group: np.ndarray
+    judgements: Mapping[int, Judgement]
+    seed: int
+
+
+def normalizing(place: np.ndarray) -> np.ndarray:
+    """`(4, 4)` similarity after which places have mean 0 and a root mean square of 1."""
+    known = place[np.isfinite(place).all(axis=1)]
+    center = known.mean(axis=0)
+    size = np.sqrt(((known - center) ** 2).sum(axis=1).mean())
+    motion = np.eye(4)
+    motion[:3, :3] /= size
+    motion[:3, 3] = -center / size
+    return motion
+
+
+def transformed(motion: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`(n, 3)` points moved by a similarity."""
+    return points @ motion[:3, :3].T + motion[:3, 3]
+
+
+def directions(motion: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """`(n, 3)` unit vectors turned by a similarity."""
+    turned = vectors @ motion[:3, :3].T
+    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+
+def assembled(
+    found: Found, *, joint_names: Sequence[str], num_rows: int, sensation: csr_array | None
+) -> BodyModel:
+    """The body model.
+
+    Args:
+        found: what the fit found.
+        joint_names: `(J,)`.
+        num_rows: R, all stored touches.
+        sensation: `(R, S)` readings of the receptors; None: no receptor is placed.
+    """
+    tree, scene, solution = found.tree, found.scene, found.solution
+    num_joints, num_parts = len(joint_names), int(scene.part.max()) + 1
+    motion = normalizing(solution.place)
+    twists, carried = for_readings(tree, solution.twists, found.center, found.scale, motion)
+    parent = np.full(num_joints, UNUSED)
+    for joint, above in tree.parent.items():
+        parent[joint] = above
+    part_link = np.full(num_parts, UNUSED)
+    for part, link in tree.part.items():
+        part_link[part] = link
+    toucher_link = np.array([tree.toucher[u] for u in range(len(solution.points))])
+    points = [
+        transformed(carried[int(link)], point[None])[0]
+        for link, point in zip(toucher_link, solution.points, strict=True)
+    ]
+    place, normal = np.full((len(scene.part), 3), np.nan), np.full((len(scene.part), 3), np.nan)
+    outward = outward_normals(scene, solution)
+    for part, link in tree.part.items():
+        here = scene.part == part
+        place[here] = transformed(carried[link], solution.place[here])
+        normal[here] = directions(carried[link], outward[here])
+    toucher = np.full(num_rows, -1, dtype=np.int8)
+    toucher[found.rows] = np.where(
+        solution.share.sum(axis=1) > 0.5, solution.share.argmax(axis=1), -1
+    )
+    skin = _receptors(found, carried, normal, place, sensation)
+    parts = range(num_parts)
+    judged = [found.judgements.get(part) for part in parts]
+    counts = np.bincount(scene.part[scene.target], minlength=num_parts)
+    return BodyModel(
+        joint_names=tuple(joint_names),
+        joint_parent=parent,
+        twists=twists,
+        twist_sigma=_twist_sigma(found, motion),
+        joint_kind=found.kind,
+        order_group=found.order_group,
+        part_link=part_link,
+        toucher_link=toucher_link,
+        toucher_place=np.array(points),
+        toucher_shape=np.zeros((len(points), 5)),
+        kernel_part=scene.part,
+        kernel_place=place,
+        kernel_normal=normal,
+        kernel_toucher=toucher,
+        receptor_part=skin.part,
+        receptor_place=skin.place,
+        receptor_normal=skin.normal,
+        receptor_sigma=skin.sigma,
+        accepted_by_part=np.array([bool(j and j.accepted) for j in judged]),
+        reason=reasons(judged),
+        held_out=np.array([j.near if j else np.nan for j in judged]),
+        inliers=np.array([j.inliers if j else np.nan for j in judged]),
+        criterion=np.array([j.criterion if j else np.nan for j in judged]),
+        num_touches=counts,
+        dimension=dimension(scene, solution),
+        seed=found.seed,
+    )
+
+
+def reasons(judged: Sequence[Judgement | None]) -> str:
+    """One sentence for each part."""
+    texts = []
+    for part, judgement in enumerate(judged):
+        of_part = f"Part {part + 1} of {len(judged)}: " if len(judged) > 1 else ""
+        if judgement is None:
+            texts.append(f"{of_part}rejected: no place in the tree of joints was found for it.")
+        else:
+            verdict = "accepted" if judgement.accepted else "rejected"
+            texts.append(f"{of_part}{verdict}: {judgement.reason}.")
+    return " ".join(texts)
+
+
+def dimension(scene: Scene, solution: Solution) -> int:
+    """Dimensions in which kernels' places spread much more than touches of one kernel do."""
+    spreads = []
+    Y = all_places(scene, solution.twists, solution.points)
+    for part in scene.parts:
+        rows = scene.rows(part)
+        best = solution.share[rows].argmax(axis=1)
+        y = Y[best, rows]
+        kept = solution.share[rows].sum(axis=1) > 0.5
+        r = (y - solution.place[scene.target[rows]])[kept]
+        if len(r) < 8:
+            continue
+        tiny = 1e-9 * np.trace(np.cov(y[kept].T)) * np.eye(3)
+        within, total = np.cov(r.T) + tiny, np.cov(y[kept].T) + tiny
+        spreads.append(
+            int((np.linalg.eigvals(np.linalg.solve(within, total)).real > _SPREAD).sum())
+        )
+    return max(spreads, default=0)
+
+
+def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
+    """`(K, 3)` normals that look towards where touchers come from; NaN where unknown.
+
+    The rest of the toucher's link is outside the skin: a point of it that lies behind the toucher,
+    on the axis of its last joint, tells the side.
+    """
+    normal = solution.normal / np.linalg.norm(solution.normal, axis=1, keepdims=True)
+    side = np.zeros((len(scene.part), 3))
+    Y = all_places(scene, solution.twists, solution.points)
+    behind = solution.points.copy()
+    for (_, toucher), way in scene.ways.items():
+        turning = [j for j, s in way if s > 0 and np.linalg.norm(solution.twists[j, :3]) > 1e-6]
+        if not turning:
+            continue
+        w, v = solution.twists[turning[-1], :3], solution.twists[turning[-1], 3:]
+        foot = np.cross(w, v) / (w @ w)
+        behind[toucher] = foot + w * ((solution.points[toucher] - foot) @ w) / (w @ w)
+    back = all_places(scene, solution.twists, behind)
+    for toucher in range(len(behind)):
+        weight = np.nan_to_num(solution.share[:, toucher])
+        away = np.nan_to_num(back[toucher] - Y[toucher]) * weight[:, None]
+        for axis in range(3):
+            side[:, axis] += np.bincount(
+                scene.target, weights=away[:, axis], minlength=len(scene.part)
+            )
+    return np.where((np.einsum("ka,ka->k", side, normal) < 0)[:, None], -normal, normal)
+
+
+def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
+    """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
+    solution = found.solution
+    spread = covariance(found.scene, solution)
+    known = np.flatnonzero(np.isfinite(np.diag(spread)))
+    of_twists = known[known < solution.twists.size]
+    base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
+    slope = np.zeros((base.size, len(of_twists)))
+    step = 1e-6
+    for column, entry in enumerate(of_twists):
+        changed = solution.twists.copy()
+        changed.ravel()[entry] += step
+        other, _ = for_readings(found.tree, changed, found.center, found.scale, motion)
+        slope[:, column] = (other - base).ravel() / step
+    variance = np.einsum("an,nm,am->a", slope, spread[np.ix_(of_twists, of_twists)], slope)
+    sigma = np.sqrt(np.maximum(variance, 0)).reshape(base.shape)
+    out = np.array([joint not in found.tree.parent for joint in range(len(base))])
+    sigma[out] = np.nan
+    slides = found.kind == JointKind.SLIDES
+    sigma[slides, :3] = 0.0
+    return sigma
+
+
+def _receptors(
+    found: Found,
+    carried: Mapping[int, np.ndarray],
+    normal: np.ndarray,
+    kernel_place: np.ndarray,
+    sensation: csr_array | None,
+) -> Receptors:
+    """Places of receptors: means of the touches that press them, in their part's frame."""
+    number = 0 if sensation is None else sensation.shape[1]
+    part = np.full(number, -1)
+    place, outward = np.full((number, 3), np.nan), np.full((number, 3), np.nan)
+    sigma = np.full(number, np.nan)
+    result = Receptors(place=place, normal=outward, sigma=sigma, part=part)
+    if sensation is None or len(found.rows) == 0:
+        return result
+    scene, solution = found.scene, found.solution
+    pressed = csr_array(sensation)[found.rows].tocoo()
+    hardest = np.zeros(len(found.rows))
+    np.maximum.at(hardest, pressed.row, pressed.data)
+    kept = pressed.data >= _PRESSED * np.maximum(hardest[pressed.row], 1e-12)
+    kept &= (pressed.data > 0) & (solution.share.sum(axis=1)[pressed.row] > 0.5)
+    row, receptor, press = pressed.row[kept], pressed.col[kept], pressed.data[kept]
+    Y = all_places(scene, solution.twists, solution.points)
+    y = Y[solution.share.argmax(axis=1), np.arange(len(scene.q))]
+    of_part = scene.part[scene.target]
+    weight = (press / hardest[row]) ** 2
+    votes = np.zeros((number, int(scene.part.max()) + 1))
+    np.add.at(votes, (receptor, of_part[row]), weight)
+    met = votes.sum(axis=1) > 0
+    part[met] = votes[met].argmax(axis=1)
+    own = (of_part[row] == part[receptor]) & np.isfinite(y[row]).all(axis=1)
+    row, receptor, weight = row[own], receptor[own], weight[own]
+    mass = np.bincount(receptor, weights=weight, minlength=number)
+    squares = np.bincount(receptor, weights=weight**2, minlength=number)
+    has = mass > 0
+    for axis in range(3):
+        sums = np.bincount(receptor, weights=weight * y[row, axis], minlength=number)
+        place[has, axis] = sums[has] / mass[has]
+    spread = np.bincount(
+        receptor, weights=weight * ((y[row] - place[receptor]) ** 2).sum(axis=1), minlength=number
+    )
+    size = np.cbrt(abs(np.linalg.det(carried[BASE][:3, :3])))
+    sigma[has] = size * np.sqrt(spread[has] / mass[has] * squares[has] / mass[has] ** 2)
+    part[~has] = -1
+    for number_of_part, link in found.tree.part.items():
+        here = part == number_of_part
+        place[here] = transformed(carried[link], place[here])
+        kernels = np.flatnonzero((scene.part == number_of_part) & np.isfinite(normal).all(axis=1))
+        if len(kernels) and here.any():
+            apart = np.linalg.norm(place[here][:, None] - kernel_place[kernels][None], axis=2)
+            outward[here] = normal[kernels[apart.argmin(axis=1)]]
+    place[~has] = np.nan
+    return result

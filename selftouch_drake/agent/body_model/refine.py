@@ -1,0 +1,516 @@
+"""The least-squares finish: joints, points of touchers and places of kernels together.
+
+Each touch was made by one of the touchers that may reach its part, or is an outlier. Noise is as it
+is: a kernel is flat along the skin's normal, so residuals along normals weigh more. Its places are
+free, one for each kernel whoever touched it, and eliminated: at given joints the best place is a
+weighted mean. What is minimised is, over parts, the logarithm of the noise's volume less that of
+the total scatter, which has no scale.
+"""
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from selftouch_drake.agent.body_model.chain import adjoint, derivatives, places
+from selftouch_drake.agent.body_model.fit import Way
+
+# Neighbouring kernels that give a kernel's normal.
+_NEIGHBOURS = 8
+# Damping of the Gauss-Newton steps, relative to the largest eigenvalue, and how often it grows.
+_DAMPING, _MOST_TRIES = 1e-7, 6
+# A share of outliers is believed to be at least this large.
+_FEWEST_OUTLIERS = 0.002
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Touches of all parts, and which way each toucher reaches each part.
+
+    Attributes:
+        q: `(R, J)` standardised readings.
+        target: `(R,)` target sensation of each touch.
+        part: `(K,)` part of each target sensation.
+        ways: way of each pair of part and toucher that may touch.
+    """
+
+    q: np.ndarray
+    target: np.ndarray
+    part: np.ndarray
+    ways: Mapping[tuple[int, int], Way]
+
+    @property
+    def num_touchers(self) -> int:
+        """Touchers that any part meets."""
+        return 1 + max(toucher for _, toucher in self.ways)
+
+    @property
+    def parts(self) -> list[int]:
+        """Parts that a toucher reaches."""
+        return sorted({part for part, _ in self.ways})
+
+    def touchers(self, part: int) -> np.ndarray:
+        """Touchers that may touch a part."""
+        return np.array(sorted(u for p, u in self.ways if p == part), dtype=int)
+
+    def rows(self, part: int) -> np.ndarray:
+        """Touches of a part."""
+        return np.flatnonzero(self.part[self.target] == part)
+
+    def some(self, rows: np.ndarray) -> "Scene":
+        """The same scene with some of its touches."""
+        return replace(self, q=self.q[rows], target=self.target[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Joints, points and places, and who touched.
+
+    Attributes:
+        twists: `(J, 6)` for standardised readings.
+        points: `(U, 3)` touchers.
+        share: `(R, U)` probability that each toucher made each touch; the rest is that of an
+            outlier.
+        place: `(K, 3)` places of kernels; NaN where nothing was met.
+        normal: `(K, 3)` of the skin, without a side; NaN likewise.
+        sigma: `(P, 2)` noise of each part across and along the normal; NaN where nothing was met.
+        frequency: `(P, U)` share of the part's touches that each toucher made.
+        criterion: `(P,)` logarithm of the noise's volume less that of the total scatter.
+    """
+
+    twists: np.ndarray
+    points: np.ndarray
+    share: np.ndarray
+    place: np.ndarray
+    normal: np.ndarray
+    sigma: np.ndarray
+    frequency: np.ndarray
+    criterion: np.ndarray
+
+    def inliers(self, scene: Scene, part: int) -> float:
+        """Share of a part's touches that are no outliers."""
+        rows = scene.rows(part)
+        return float(self.share[rows].sum(axis=1).mean()) if len(rows) else np.nan
+
+
+def way_places(
+    scene: Scene, twists: np.ndarray, point: np.ndarray, rows: np.ndarray, way: Way
+) -> np.ndarray:
+    """`(n, 3)` places of a point at some touches, along a way."""
+    joints = np.array([joint for joint, _ in way], dtype=int)
+    signs = np.array([sign for _, sign in way], dtype=float)
+    return places(scene.q[np.ix_(rows, joints)], twists[joints], point, signs)
+
+
+def all_places(scene: Scene, twists: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`(U, R, 3)` places of all touchers; NaN where a toucher does not reach a part."""
+    found = np.full((len(points), len(scene.q), 3), np.nan)
+    for (part, toucher), way in scene.ways.items():
+        rows = scene.rows(part)
+        found[toucher, rows] = way_places(scene, twists, points[toucher], rows, way)
+    return found
+
+
+def _kernel_sums(values: np.ndarray, target: np.ndarray, number: int) -> np.ndarray:
+    """Sums of `(n, ...)` values over the touches of each kernel."""
+    flat = values.reshape(len(values), -1)
+    sums = [np.bincount(target, weights=flat[:, k], minlength=number) for k in range(flat.shape[1])]
+    return np.stack(sums, axis=1).reshape(number, *values.shape[1:])
+
+
+def kernel_medians(Y: np.ndarray, target: np.ndarray, number: int, least: int = 1) -> np.ndarray:
+    """`(K, 3)` medians of places over the touches of each kernel; NaN with fewer than `least`."""
+    found = np.full((number, 3), np.nan)
+    kept = np.isfinite(Y).all(axis=1)
+    Y, target = Y[kept], target[kept]
+    count = np.bincount(target, minlength=number)
+    start = np.concatenate([[0], np.cumsum(count)])[:-1]
+    for axis in range(3):
+        ordered = Y[np.lexsort((Y[:, axis], target)), axis]
+        has = count >= max(least, 1)
+        low = ordered[start[has] + (count[has] - 1) // 2]
+        found[has, axis] = (low + ordered[start[has] + count[has] // 2]) / 2
+    return found
+
+
+def normals(place: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """`(K, 3)` normals of planes through the neighbours of each kernel, without a side."""
+    found = np.full(place.shape, np.nan)
+    for number in np.unique(part):
+        kernels = np.flatnonzero((part == number) & np.isfinite(place).all(axis=1))
+        if len(kernels) < 4:
+            continue
+        near = cKDTree(place[kernels]).query(place[kernels], k=min(_NEIGHBOURS + 1, len(kernels)))[
+            1
+        ]
+        around = place[kernels][near]
+        around = around - around.mean(axis=1, keepdims=True)
+        found[kernels] = np.linalg.svd(around, full_matrices=False)[2][:, 2]
+    return found
+
+
+def started(scene: Scene, twists: np.ndarray, points: np.ndarray) -> Solution:
+    """The solution at given joints and points: places, noise and who touched."""
+    num_parts, num_kernels = int(scene.part.max()) + 1, len(scene.part)
+    solution = Solution(
+        twists, points,
+        np.zeros((len(scene.q), len(points))),
+        np.full((num_kernels, 3), np.nan), np.full((num_kernels, 3), np.nan),
+        np.full((num_parts, 2), np.nan), np.zeros((num_parts, len(points))),
+        np.full(num_parts, np.nan),
+    )  # fmt: skip
+    Y = all_places(scene, twists, points)
+    for part in scene.parts:
+        solution = _started_part(scene, solution, Y, part)
+    return expected(scene, solution, rounds=4)
+
+
+def _started_part(scene: Scene, solution: Solution, Y: np.ndarray, part: int) -> Solution:
+    """Who touched, from the densest place of each kernel among all hypotheses."""
+    rows = scene.rows(part)
+    touchers = scene.touchers(part)
+    target, share = scene.target[rows], solution.share.copy()
+    if len(touchers) == 1:
+        share[rows, touchers[0]] = 1.0
+    else:
+        share[np.ix_(rows, touchers)] = _densest(Y[touchers][:, rows], target, len(scene.part))
+    place = solution.place.copy()
+    chosen = touchers[share[np.ix_(rows, touchers)].argmax(axis=1)]
+    own = Y[chosen, rows]
+    here = scene.part == part
+    place[here] = kernel_medians(own, target, len(scene.part))[here]
+    far = np.linalg.norm(own - place[target], axis=1)
+    middle = np.median(far[far > 0]) if (far > 0).any() else 1.0
+    sigma, frequency = solution.sigma.copy(), solution.frequency.copy()
+    # 1.54 is the median of the norm of a standard normal vector in space.
+    sigma[part] = middle / 1.54
+    frequency[part, touchers] = 0.95 * np.maximum(
+        np.bincount(chosen, minlength=len(Y))[touchers] / len(rows), 0.02
+    )
+    return replace(solution, share=share, place=place, sigma=sigma, frequency=frequency)
+
+
+def _densest(Y: np.ndarray, target: np.ndarray, number: int, most: int = 60) -> np.ndarray:
+    """`(n, U)` 1 for the toucher whose place lies nearest to the densest place of the kernel."""
+    whiten = np.linalg.cholesky(np.linalg.inv(np.cov(Y.reshape(-1, 3).T)))
+    order = np.argsort(target, kind="stable")
+    bounds = np.searchsorted(target[order], np.arange(number + 1))
+    share = np.zeros((Y.shape[1], len(Y)))
+    for start, end in itertools.pairwise(bounds):
+        if end == start:
+            continue
+        rows = order[start:end]
+        cloud = Y[:, rows] @ whiten
+        some = cloud[:, :: max(1, len(rows) * len(Y) // most)].reshape(-1, 3)
+        squares = ((some[:, None] - some[None]) ** 2).sum(axis=2)
+        # A touch lies there under one hypothesis in U, if at all.
+        rank = max(1, min(len(some) - 1, int(0.4 * len(some) / len(Y))))
+        nearest = np.argsort(squares, axis=1)
+        densest = np.take_along_axis(squares, nearest, axis=1)[:, rank].argmin()
+        mode = some[nearest[densest, : rank + 1]].mean(axis=0)
+        far = ((cloud - mode) ** 2).sum(axis=2)
+        share[rows, far.argmin(axis=0)] = 1.0
+    return share
+
+
+def metric(normal: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """`(n, 3, 3)` inverse covariances: flat along the normals; round where these are unknown."""
+    known = np.isfinite(normal).all(axis=1)
+    n = np.where(known[:, None], normal, 0.0)
+    across, along = 1 / sigma[0] ** 2, 1 / sigma[1] ** 2
+    return across * np.eye(3) + (along - across) * n[:, :, None] * n[:, None, :]
+
+
+def expected(
+    scene: Scene, solution: Solution, rounds: int = 2, Y: np.ndarray | None = None
+) -> Solution:
+    """Who touched, and from that places and noise, so many times over, at given joints."""
+    Y = all_places(scene, solution.twists, solution.points) if Y is None else Y
+    for turn in range(rounds):
+        solution = settled(scene, _shared(scene, solution, Y), Y, fresh_normals=turn == 0)
+    return solution
+
+
+def _shared(scene: Scene, solution: Solution, Y: np.ndarray) -> Solution:
+    """The solution with the probabilities of who touched."""
+    share = np.zeros_like(solution.share)
+    weight = _kernel_sums(solution.share.sum(axis=1), scene.target, len(scene.part))
+    for part in scene.parts:
+        rows = scene.rows(part)
+        touchers = scene.touchers(part)
+        share[np.ix_(rows, touchers)] = probabilities(
+            solution, Y[touchers][:, rows], scene.target[rows], part, touchers, weight
+        )
+    return replace(solution, share=share)
+
+
+def probabilities(
+    solution: Solution,
+    Y: np.ndarray,
+    target: np.ndarray,
+    part: int,
+    touchers: np.ndarray,
+    weight: np.ndarray | None = None,
+) -> np.ndarray:
+    """`(n, U)` probability that each toucher made each touch of a part.
+
+    Args:
+        solution: places and noise.
+        Y: `(U, n, 3)` places of the touchers.
+        target: `(n,)` target sensations.
+        part: of all these touches.
+        touchers: U indices of touchers.
+        weight: `(K,)` touches that made each kernel's place, if these are among them.
+    """
+    sigma = solution.sigma[part]
+    W = metric(solution.normal, sigma)[target]
+    frequency = solution.frequency[part][touchers]
+    outliers = max(1 - frequency.sum(), _FEWEST_OUTLIERS)
+    known = Y.reshape(-1, 3)
+    spread = np.linalg.slogdet(np.cov(known[np.isfinite(known).all(axis=1)].T))[1]
+    # One of n touches pulls the mean of n towards itself.
+    pull = 1.0 if weight is None else np.maximum(weight[target], 1.0)
+    lone = 1.0 if weight is None else pull / np.maximum(pull - 1, 0.2)
+    logs = [np.full(len(target), np.log(outliers) - 0.5 * spread - 1.5)]
+    for index, places_of_one in enumerate(Y):
+        r = places_of_one - solution.place[target]
+        far = lone * np.einsum("ni,nij,nj->n", r, W, r)
+        volume = 2 * np.log(sigma[0]) + np.log(sigma[1])
+        log = np.log(frequency[index] + 1e-9) - 0.5 * far - volume
+        logs.append(np.where(np.isfinite(log), log, -np.inf))
+    stacked = np.stack(logs, axis=1)
+    stacked = np.exp(stacked - stacked.max(axis=1, keepdims=True))
+    return stacked[:, 1:] / stacked.sum(axis=1, keepdims=True)
+
+
+def settled(
+    scene: Scene, solution: Solution, Y: np.ndarray, *, fresh_normals: bool = False
+) -> Solution:
+    """The solution with the best places and noise for its shares."""
+    number = len(scene.part)
+    share = solution.share
+    held = np.einsum("nu,una->na", share, np.nan_to_num(Y))
+    mass = _kernel_sums(share.sum(axis=1), scene.target, number)
+    sums = _kernel_sums(held, scene.target, number)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fresh = sums / mass[:, None]
+    place = np.where((mass > 0.5)[:, None], fresh, solution.place)
+    normal = normals(place, scene.part) if fresh_normals else solution.normal
+    sigma, frequency = solution.sigma.copy(), solution.frequency.copy()
+    criterion = solution.criterion.copy()
+    for part in scene.parts:
+        rows = scene.rows(part)
+        target, own = scene.target[rows], share[rows]
+        n = np.nan_to_num(normal[target])
+        along = across = 0.0
+        total, cloud = own.sum(), []
+        for toucher in range(len(Y)):
+            if (part, toucher) not in scene.ways:
+                continue
+            r = np.nan_to_num(Y[toucher, rows] - place[target])
+            high = np.einsum("na,na->n", r, n)
+            along += (own[:, toucher] * high**2).sum()
+            across += (own[:, toucher] * ((r**2).sum(axis=1) - high**2)).sum()
+            cloud.append((Y[toucher, rows], own[:, toucher]))
+        # Each kernel's mean takes the freedom of one of its touches.
+        kernels = (mass[scene.part == part] > 0.5).sum()
+        free = max(total - kernels, 1.0)
+        sigma[part] = np.sqrt(np.maximum([across / 2 / free, along / free], 1e-12))
+        frequency[part] = own.mean(axis=0)
+        volume = 2 * np.sum(np.log(sigma[part]) * [2, 1])
+        criterion[part] = volume - np.linalg.slogdet(_total(cloud)[1])[1]
+    return replace(
+        solution, place=place, normal=normal, sigma=sigma, frequency=frequency, criterion=criterion
+    )
+
+
+def _total(cloud: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted mean and covariance of places."""
+    Y, weight = np.concatenate([y for y, _ in cloud]), np.concatenate([w for _, w in cloud])
+    kept = weight > 1e-6
+    Y, weight = Y[kept], weight[kept]
+    center = weight @ Y / weight.sum()
+    away = Y - center
+    return center, (weight[:, None] * away).T @ away / weight.sum() + 1e-12 * np.eye(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Equations:
+    """Normal equations of a solution: n parameters, which are the twists and then the points.
+
+    Attributes:
+        gradient: `(n,)` of the criterion.
+        hessian: `(n, n)` its Gauss-Newton approximation.
+        scores: `(K, n)` parts of the gradient that each kernel contributes.
+    """
+
+    gradient: np.ndarray
+    hessian: np.ndarray
+    scores: np.ndarray
+
+
+def equations(scene: Scene, solution: Solution) -> Equations:
+    """Normal equations at a solution, with places eliminated."""
+    num_joints, num_touchers = len(solution.twists), len(solution.points)
+    size, number = 6 * num_joints + 3 * num_touchers, len(scene.part)
+    gradient, hessian = np.zeros(size), np.zeros((size, size))
+    scores = np.zeros((number, size))
+    mean_slope, mass = np.zeros((number, 3, size)), np.zeros(number)
+    per_part = len(scene.parts)
+    W = np.zeros((number, 3, 3))
+    for part in scene.parts:
+        rows = scene.rows(part)
+        touchers = scene.touchers(part)
+        W[scene.part == part] = metric(solution.normal, solution.sigma[part])[scene.part == part]
+        solved = []
+        for toucher in touchers:
+            kept = rows[solution.share[rows, toucher] > 1e-3]
+            solved.append(
+                (
+                    kept,
+                    solution.share[kept, toucher],
+                    *_slopes(scene, solution, kept, part, toucher),
+                )
+            )
+        count = sum(weight.sum() for _, weight, *_ in solved)
+        center, total = _total([(y, weight) for _, weight, y, *_ in solved])
+        total_inverse = np.linalg.inv(total)
+        for kept, weight, y, slope, columns in solved:
+            target = scene.target[kept]
+            factor = 2 * weight / count / per_part
+            r, t = y - solution.place[target], y - center
+            pull = np.einsum("nab,nb->na", W[target], r) - t @ total_inverse
+            own = np.einsum("n,na,nap->np", factor, pull, slope)
+            sums = _kernel_sums(own, target, number)
+            scores[:, columns] += sums
+            root = np.linalg.cholesky(W[target]).swapaxes(1, 2) * np.sqrt(factor)[:, None, None]
+            tall = (root @ slope).reshape(-1, len(columns))
+            hessian[np.ix_(columns, columns)] += tall.T @ tall
+            flat = (factor[:, None, None] * slope).reshape(len(kept), 3 * len(columns))
+            mean_slope[:, :, columns] += _kernel_sums(flat, target, number).reshape(
+                number, 3, len(columns)
+            )
+            mass += np.bincount(target, weights=factor, minlength=number)
+    gradient = scores.sum(axis=0)
+    has = mass > 0
+    mean = mean_slope[has] / mass[has][:, None, None]
+    root = np.linalg.cholesky(W[has]).swapaxes(1, 2) * np.sqrt(mass[has])[:, None, None]
+    tall = (root @ mean).reshape(-1, size)
+    return Equations(gradient, hessian - tall.T @ tall, scores)
+
+
+def _slopes(scene, solution, rows, part, toucher):
+    """Places, `(n, 3, m)` derivatives by m parameters, and the `(m,)` columns of these."""
+    way = scene.ways[part, toucher]
+    joints = np.array([joint for joint, _ in way], dtype=int)
+    signs = np.array([sign for _, sign in way], dtype=float)
+    y, by_twist, by_point, _ = derivatives(
+        scene.q[np.ix_(rows, joints)], solution.twists[joints], solution.points[toucher], signs
+    )
+    slope = np.concatenate([by_twist.reshape(len(rows), 3, 6 * len(way)), by_point], axis=2)
+    of_twists = [6 * joint + entry for joint in joints.tolist() for entry in range(6)]
+    first = 6 * len(solution.twists) + 3 * toucher
+    return y, slope, np.array([*of_twists, first, first + 1, first + 2])
+
+
+def moved_by(solution: Solution, step: np.ndarray) -> Solution:
+    """The solution with its twists and points moved."""
+    size = solution.twists.size
+    return replace(
+        solution,
+        twists=solution.twists + step[:size].reshape(-1, 6),
+        points=solution.points + step[size:].reshape(-1, 3),
+    )
+
+
+def refined(
+    scene: Scene,
+    solution: Solution,
+    *,
+    steps: int = 10,
+    fixed: np.ndarray | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> Solution:
+    """Gauss-Newton steps, each followed by who touched; ends where nothing gains.
+
+    Args:
+        scene: touches.
+        solution: where to start.
+        steps: at most.
+        fixed: `(n,)` bool, parameters that stay, for instance the turning of a slide.
+        tick: called before each step.
+    """
+    damping = _DAMPING
+    for _ in range(steps):
+        tick()
+        found = equations(scene, solution)
+        before = _mean_criterion(scene, solution)
+        free = np.flatnonzero(np.abs(np.diag(found.hessian)) > 0)
+        if fixed is not None:
+            free = free[~fixed[free]]
+        values, vectors = np.linalg.eigh(found.hessian[np.ix_(free, free)])
+        along = vectors.T @ found.gradient[free]
+        for _ in range(_MOST_TRIES):
+            step = np.zeros(len(found.gradient))
+            step[free] = -vectors @ (along / (np.maximum(values, 0) + damping * values[-1]))
+            trial = moved_by(solution, step)
+            Y = all_places(scene, trial.twists, trial.points)
+            trial = settled(scene, trial, Y)
+            gain = before - _mean_criterion(scene, trial)
+            if gain > 0:
+                break
+            damping *= 30
+        else:
+            break
+        damping = max(damping / 10, _DAMPING)
+        solution = expected(scene, trial, rounds=1, Y=Y)
+        if gain < 2e-4:
+            break
+    return solution
+
+
+def _mean_criterion(scene: Scene, solution: Solution) -> float:
+    value = float(np.mean([solution.criterion[part] for part in scene.parts]))
+    return value if np.isfinite(value) else np.inf
+
+
+def gauge(solution: Solution) -> np.ndarray:
+    """`(n, 7)` orthonormal directions that change nothing that touch can tell: a similarity."""
+    columns = []
+    for axis in range(7):
+        motion = np.eye(4)
+        step = 1e-6
+        if axis < 3:
+            motion[axis, 3] = step
+        elif axis < 6:
+            a, b = (axis - 2) % 3, (axis - 1) % 3
+            motion[a, b], motion[b, a] = -step, step
+        else:
+            motion[:3, :3] *= 1 + step
+        twists = adjoint(motion, solution.twists)
+        points = solution.points @ motion[:3, :3].T + motion[:3, 3]
+        change = np.r_[(twists - solution.twists).ravel(), (points - solution.points).ravel()]
+        columns.append(change / step)
+    return np.linalg.qr(np.stack(columns, axis=1))[0]
+
+
+def covariance(scene: Scene, solution: Solution) -> np.ndarray:
+    """`(n, n)` covariance of the parameters, without the directions of the gauge.
+
+    The sandwich estimate, clustered by kernels: residuals of one kernel depend on each other.
+    Parameters that nothing depends on have NaN.
+    """
+    found = equations(scene, solution)
+    size = len(found.gradient)
+    free = np.flatnonzero(np.diag(found.hessian) > 0)
+    basis = gauge(solution)[free]
+    values, vectors = np.linalg.eigh(np.eye(len(free)) - basis @ np.linalg.pinv(basis))
+    rest = vectors[:, values > 0.5]
+    inverse = np.linalg.pinv(rest.T @ found.hessian[np.ix_(free, free)] @ rest, rcond=1e-12)
+    scores = (found.scores[:, free] - found.gradient[free] / len(found.scores)) @ rest
+    inner = rest @ (inverse @ (scores.T @ scores) @ inverse) @ rest.T
+    result = np.full((size, size), np.nan)
+    result[np.ix_(free, free)] = inner
+    return result

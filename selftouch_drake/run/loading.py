@@ -1,0 +1,30 @@
+"""Loads what a run learned, for programs of others."""
+
+from pathlib import Path
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.run import artifacts
+from selftouch_drake.run.directory import RunDirectory
+
+
+def load_agent(run: RunDirectory | Path | str, *, predicts: bool = False) -> Agent:
+    """The agent of a run, or of its path; all else is as of `artifacts.load_agent`."""
+    return artifacts.load_agent(opened(run), predicts=predicts)
+
+
+def load_body_model(run: RunDirectory | Path | str) -> BodyModel:
+    """The body model of a run, or of its path, whether the agent accepted it or not.
+
+    Errors are as of `artifacts.load_body_model`.
+    """
+    return artifacts.load_body_model(opened(run))
+
+
+def opened(run: RunDirectory | Path | str) -> RunDirectory:
+    """The run, opened if only its path is given.
+
+    Raises:
+        RunError: it is not a run of this version.
+    """
+    return run if isinstance(run, RunDirectory) else RunDirectory.open(Path(run))

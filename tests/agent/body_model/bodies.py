@@ -1,0 +1,47 @@
+"""Bodies by hand: chains whose touches on a surface are found by trying configurations."""
+
+import numpy as np
+
+from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.fit import random_twists
+
+
+def an_arm(seed=1, joints=4, slides=()):
+    """Twists and point of a chain that reaches about 2 units."""
+    random = np.random.default_rng(seed)
+    twists = random_twists(random, joints)
+    for joint in slides:
+        twists[joint, :3] = 0
+    return twists, random.standard_normal(3)
+
+
+def touches(twists, point, *, number=4000, kernels=150, seed=0, noise=0.0):
+    """`(n, J)` configurations that touch a sphere, `(n,)` the nearest of K places on it."""
+    random = np.random.default_rng(seed)
+    cloud = places(random.uniform(-1.5, 1.5, (2000, len(twists))), twists, point)
+    center = np.median(cloud, axis=0)
+    radius = np.median(np.linalg.norm(cloud - center, axis=1))
+    q, y = [], []
+    while sum(map(len, q)) < number:
+        tried = random.uniform(-1.5, 1.5, (200_000, len(twists)))
+        there = places(tried, twists, point)
+        on = np.abs(np.linalg.norm(there - center, axis=1) / radius - 1) < 0.01
+        q.append(tried[on])
+        y.append(there[on])
+    q, y = np.concatenate(q)[:number], np.concatenate(y)[:number]
+    # Evenly spaced, as target sensations are: each is the farthest from those before.
+    anchors, apart = [], np.full(number, np.inf)
+    for _ in range(kernels):
+        anchors.append(y[apart.argmax()])
+        apart = np.minimum(apart, np.linalg.norm(y - anchors[-1], axis=1))
+    anchors = np.array(anchors)
+    target = ((y[:, None] - anchors[None]) ** 2).sum(axis=2).argmin(axis=1)
+    return q + noise * random.standard_normal(q.shape), target, y
+
+
+def misfit(found, true):
+    """Root mean square distance in % of the extent, after one similarity."""
+    a, b = found - found.mean(axis=0), true - true.mean(axis=0)
+    U, s, V = np.linalg.svd(a.T @ b)
+    apart = (s.sum() / (a**2).sum()) * a @ (U @ V) - b
+    return 100 * np.sqrt((apart**2).sum(axis=1).mean()) / np.linalg.norm(np.ptp(true, axis=0))

@@ -1,0 +1,102 @@
+"""The whole way from configurations and labels to a body model, and what is refused."""
+
+import numpy as np
+import pytest
+from bodies import an_arm, misfit, touches
+from scipy.spatial import cKDTree
+from selftouch_drake.agent.body_model.find import find_body_model
+
+from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.model import JointKind
+
+NAMES = ["d", "c", "b", "a"]
+
+
+def found(q, target, kernels=150, **more):
+    part = np.zeros(kernels, dtype=int)
+    return find_body_model(q, None, target, part, joint_names=NAMES[: q.shape[1]], **more)
+
+
+def test_a_chain_of_unknown_order_and_units_is_found():
+    twists, point = an_arm()
+    q, target, y = touches(twists, point)
+    # Its joints are shuffled, in other units, with other zeros, and one runs backwards.
+    order, unit, zero = [2, 0, 3, 1], np.array([57.3, 1, -100, 1]), np.array([10, 0, 3, -1])
+    readings = q[:, order] * unit + zero
+    model = found(readings, target)
+    assert model.accepted, model.reason
+    assert misfit(model.place(readings, target), y) < 1.0
+    assert [order[joint] for joint in model.chain(int(model.toucher_link[0]))] == [0, 1, 2, 3]
+    assert set(model.joint_kind.tolist()) == {JointKind.TURNS}
+    assert model.dimension == 3
+    # The scale of each joint is known: |w| per unit of the reading.
+    turns = np.linalg.norm(model.twists[:, :3], axis=1)
+    assert turns == pytest.approx(1 / np.abs(unit), rel=0.02)
+    assert np.abs(np.linalg.norm(model.twist_sigma, axis=1) * np.abs(unit)).max() < 0.1
+
+
+def test_a_slide_is_told_from_a_turn():
+    q, target, y = touches(*an_arm(slides=[1]))
+    model = found(q, target)
+    assert model.accepted, model.reason
+    assert model.joint_kind.tolist() == [1, 2, 1, 1]
+    assert np.array_equal(model.twists[1, :3], np.zeros(3))
+    assert misfit(model.place(q, target), y) < 1.0
+
+
+def test_a_joint_that_does_not_matter_is_not_used():
+    twists, point = an_arm(joints=3)
+    q, target, _ = touches(twists, point)
+    idle = np.random.default_rng(5).uniform(-1, 1, len(q))
+    model = found(np.column_stack([q[:, :1], idle, q[:, 1:]]), target)
+    assert model.accepted, model.reason
+    assert model.used.tolist() == [True, False, True, True]
+
+
+def test_two_fingers_of_one_hand_are_told_apart():
+    twists, point = an_arm()
+    q, target, y = touches(twists, point, number=6000)
+    other = point + np.array([0.4, 0.0, 0.3])
+    # Where the second finger touches the same kernels.
+    random = np.random.default_rng(9)
+    tried = random.uniform(-1.5, 1.5, (400_000, 4))
+    there = places(tried, twists, other)
+    apart, nearest = cKDTree(y).query(there)
+    close = np.flatnonzero(apart < 0.01)[:6000]
+    both_q, both = np.concatenate([q, tried[close]]), np.r_[target, target[nearest[close]]]
+    true = np.r_[np.zeros(len(q)), np.ones(len(close))]
+    model = found(both_q, both)
+    assert model.accepted, model.reason
+    assert len(model.toucher_link) == 2
+    right = np.mean(model.kernel_toucher == true)
+    assert max(right, 1 - right) > 0.95
+
+
+@pytest.mark.parametrize("wrong", ["mixed", "shuffled"])
+def test_what_is_no_body_is_rejected(wrong):
+    q, target, _ = touches(*an_arm())
+    if wrong == "mixed":
+        q = q + 0.2 * np.sin(2 * q[:, ::-1])
+    else:
+        target = np.random.default_rng(0).permutation(target)
+    model = found(q, target)
+    assert not model.accepted
+    assert "rejected" in model.reason
+
+
+def test_few_touches_are_not_looked_at():
+    q, target, _ = touches(*an_arm(), number=40)
+    model = found(q, target)
+    assert not model.accepted
+    assert "40 touches" in model.reason
+
+
+def test_the_model_depends_on_the_seed_alone():
+    q, target, _ = touches(*an_arm(joints=3), number=1500)
+    told = []
+    one = found(q, target, seed=4, progress=lambda fraction, what: told.append(fraction))
+    other = found(q, target, seed=4)
+    for name, array in one.to_arrays().items():
+        assert np.array_equal(array, other.to_arrays()[name], equal_nan=array.dtype.kind == "f")
+    assert told == sorted(told)
+    assert told[-1] == 1.0
