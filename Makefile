@@ -4,7 +4,6 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
-BEFORE ?= build/before
 
 .PHONY: help demo test test-all fuzz kills mutants lint docs wheel bench memory pictures notebooks install clean
 
@@ -24,7 +23,7 @@ fuzz: $(VENV)/.installed-test  ## give thousands of broken inputs to all parsers
 	SELFTOUCH_FUZZ=1000 $(BIN)/python -m pytest tests/test_fuzz.py -n 0 -s
 
 kills: $(VENV)/.installed  ## kill every stage at random moments, fifty times, and compare resumed runs
-	$(BIN)/python benchmarks/kills.py
+	$(BIN)/python benchmarks/make/kills.py
 
 lint: $(VENV)/.installed-dev  ## check style and types
 	$(BIN)/ruff check
@@ -38,22 +37,19 @@ wheel: $(VENV)/bin/python  ## build the package into dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 mutants: $(VENV)/.installed-test  ## break one line at a time, and count who notices: an hour
-	$(BIN)/python benchmarks/mutants.py
+	$(BIN)/python benchmarks/make/mutants.py
 
-bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## measure speed and memory, compared with alternatives: minutes
-	$(BIN)/python benchmarks/table.py --before $(BEFORE)
-
-$(BEFORE)/Makefile:  # the version that `bench` compares with
-	git worktree add --detach $(BEFORE) 9497d1c
+bench: $(VENV)/.installed-bench  ## measure speed and memory beside alternatives, and with BEFORE=PATH beside another checkout
+	$(BIN)/python benchmarks/cost/table.py $(if $(BEFORE),--before "$(BEFORE)")
 
 pictures: $(VENV)/.installed-test  ## redraw all pictures of README and documentation: half an hour
-	$(BIN)/python benchmarks/pictures.py
+	$(BIN)/python benchmarks/make/pictures.py
 
 notebooks: $(VENV)/.installed-test  ## run all notebooks and store their outputs: ten minutes
-	$(BIN)/python benchmarks/notebooks.py
+	$(BIN)/python benchmarks/make/notebooks.py
 
 memory: $(VENV)/.installed  ## measure peak memory of every stage, at a million touches and at ten
-	$(BIN)/python benchmarks/memory.py $(RUN)
+	$(BIN)/python benchmarks/cost/memory.py $(RUN)
 
 install: $(VENV)/.installed  ## install the package into .venv
 

@@ -15,8 +15,8 @@ from selftouch_drake.run.directory import RunDirectory
 
 # pytest's importlib mode imports test files alone: this lets them share `fenced`.
 sys.path.insert(0, str(Path(__file__).parent))
-# The imitation of a real skin is the one that the benchmarks have.
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+# Some share with `benchmarks`: the imitation of a real skin is the one there.
+sys.path.append(str(Path(__file__).parents[1]))
 
 # The same examples every time; `make fuzz` looks for new ones.
 settings.register_profile("steady", derandomize="SELFTOUCH_FUZZ" not in os.environ)

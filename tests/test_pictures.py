@@ -7,13 +7,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PROGRAM = ROOT / "benchmarks" / "pictures.py"
 
 
 @pytest.fixture
-def pictures(monkeypatch):
-    monkeypatch.syspath_prepend(str(PROGRAM.parent))
-    import pictures
+def pictures():
+    from benchmarks.make import pictures
 
     return pictures
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from raw_skin import NOISE, RawSkin, fibonacci, recorded
 
+from benchmarks.shared.raw_skin import NOISE, RawSkin, fibonacci, recorded
 from selftouch_drake.agent.calibration import (
     Calibration,
     RestlessWarning,

@@ -1,6 +1,5 @@
 import sys
 from pathlib import Path
 
-# pytest's importlib mode imports each test file by itself: this lets them use these folders.
-TESTS = Path(__file__).parents[1]
-sys.path += [str(TESTS.parent / "benchmarks"), str(TESTS / "agent" / "shape")]
+# pytest's importlib mode imports each test file by itself: this lets them use this folder.
+sys.path.append(str(Path(__file__).parents[1] / "quotient"))

@@ -9,30 +9,38 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
-#: Modules that benchmarks share.
-SHARED = {
-    *("babbled", "foreign_bodies", "ompl_planner", "peers", "raw_skin"),
-    *("results", "revolute", "unrolling"),
+#: Modules that are parts of other programs.
+PARTS = {
+    *("cost/ompl_planner", "cost/peers", "cost/questions"),
+    *("accuracy/revolute", "accuracy/unrolling", "others/foreign_bodies"),
+    *("shared/babbled", "shared/raw_skin", "shared/results"),
 }
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
-MEASURE_NOTHING = {"drawings", "mutants", "notebooks", "pictures"}
+MEASURE_NOTHING = {"make/drawings", "make/mutants", "make/notebooks", "make/pictures"}
 #: What they measure on is fetched by who runs them.
-ON_DATA_OF_OTHERS = {"babybench", "nao"}
+ON_DATA_OF_OTHERS = {"others/babybench", "others/nao"}
 FEW = ("--touches=3000", "--targets=60")
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes,
 #: `{run}` a run that has learned.
 SMALL: dict[str, list[str]] = {
-    "babbling": ["--touches", "200", "--turns", "1"],
-    "environments": ["--steps", "5", "--copies", "1", "--environments", "SelfTouch/Sphere-v0"],
-    "imported": ["--out", "{tmp}", "--rows", "30000", "--targets", "60", "--skins", "raw"],
-    "recorded": ["--out={tmp}", "--seeds=2", "--rows=60000", "--targets=20", "--pairs=2"],
-    "kills": ["--kills", "1"],
-    "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
-    "table": ["--touching", "--turns", "1"],
-    "joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
-    "recordings": ["--bodies=raw", "--seeds=1", "--out={tmp}"],
-    "rivals": ["torus_1", "--touches=3000", "--targets=60", "--ways", "sensorimotor", "isomap"],
-    "exploration": [
+    "cost/babbling": ["--touches", "200", "--turns", "1"],
+    "cost/environments": ["--steps", "5", "--copies", "1", "--environments", "SelfTouch/Sphere-v0"],
+    "accuracy/imported": ["--out", "{tmp}", "--rows", "30000", "--targets", "60", "--skins", "raw"],
+    "accuracy/recorded": ["--out={tmp}", "--seeds=2", "--rows=60000", "--targets=20", "--pairs=2"],
+    "make/kills": ["--kills", "1"],
+    "cost/memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
+    "cost/table": ["--touching", "--turns", "1"],
+    "accuracy/joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
+    "make/recordings": ["--bodies=raw", "--seeds=1", "--out={tmp}"],
+    "others/rivals": [
+        "torus_1",
+        "--touches=3000",
+        "--targets=60",
+        "--ways",
+        "sensorimotor",
+        "isomap",
+    ],
+    "life/exploration": [
         "touches",
         *("--bodies", "sphere"),
         *("--until", "600"),
@@ -41,8 +49,8 @@ SMALL: dict[str, list[str]] = {
         *("--targets", "40"),
         *("--ways", "active", "goals"),
     ],
-    "growth": ["--touches", "50"],
-    "mending": [
+    "cost/growth": ["--touches", "50"],
+    "life/mending": [
         *("--bodies", "sphere"),
         *("--kinds", "one"),
         *("--touches", "600"),
@@ -50,38 +58,63 @@ SMALL: dict[str, list[str]] = {
         *("--targets", "20"),
         *("--pairs", "2"),
     ],
-    "walks": ["--experiment", "sphere", "--touches", "200"],
-    "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
-    "shape": ["{tmp}/sphere_1", "--samples=3000", "--targets=60", "--metrics=sensorimotor"],
-    "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
-    "live": ["{run}", "--seconds", "1", "--no-browser"],
-    "sensor": ["--quick", "--looks", "2"],
-    "bending": ["--joints=6", *FEW, "--pairs=2", "--out={tmp}"],
-    "paths": ["{run}", "--pairs", "2"],
-    "readings": [
+    "life/walks": ["--experiment", "sphere", "--touches", "200"],
+    "accuracy/servo": [
+        "cube",
+        "--out",
+        "{tmp}",
+        "--touches",
+        "3000",
+        "--targets",
+        "60",
+        "--pairs",
+        "1",
+    ],
+    "accuracy/shape": [
+        "{tmp}/sphere_1",
+        "--samples=3000",
+        "--targets=60",
+        "--metrics=sensorimotor",
+    ],
+    "accuracy/trust": [
+        "luck",
+        "--out={tmp}",
+        "--touches=3000",
+        "--targets=60",
+        "--networks=1",
+        "--cases=1",
+    ],
+    "cost/live": ["{run}", "--seconds", "1", "--no-browser"],
+    "accuracy/sensor": ["--quick", "--looks", "2"],
+    "accuracy/bending": ["--joints=6", *FEW, "--pairs=2", "--out={tmp}"],
+    "accuracy/paths": ["{run}", "--pairs", "2"],
+    "accuracy/readings": [
         "--shapes=sphere",
         "--widths=overlap",
         "--readings=pressure",
         *FEW,
         "--out={tmp}/t",
     ],
-    "causes": ["{tmp}/sphere_1", "--touches=20000"],
-    "layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
-    "cluster": ["{run}"],
-    "foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
-    "calibration": ["--seeds=1", "--out={tmp}/table.md"],
-    "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
+    "accuracy/causes": ["{tmp}/sphere_1", "--touches=20000"],
+    "accuracy/layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
+    "cost/cluster": ["{run}"],
+    "others/foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
+    "accuracy/calibration": ["--seeds=1", "--out={tmp}/table.md"],
+    "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
 
 
 def test_every_benchmark_has_small_arguments():
-    others = SHARED | MEASURE_NOTHING | ON_DATA_OF_OTHERS
-    assert {path.stem for path in FOLDER.glob("*.py")} - others == set(SMALL)
+    programs = {
+        path.relative_to(FOLDER).with_suffix("").as_posix()
+        for path in FOLDER.rglob("*.py")
+        if path.name != "__init__.py"
+    }
+    assert programs - PARTS - MEASURE_NOTHING - ON_DATA_OF_OTHERS == set(SMALL)
 
 
-def test_every_mutant_breaks_a_line_that_is_there_once(monkeypatch):
-    monkeypatch.syspath_prepend(str(FOLDER))
-    import mutants
+def test_every_mutant_breaks_a_line_that_is_there_once():
+    from benchmarks.make import mutants
 
     def text(mutant):
         file = ROOT / "selftouch_drake" / mutant.file
@@ -90,6 +123,23 @@ def test_every_mutant_breaks_a_line_that_is_there_once(monkeypatch):
     assert [one.name for one in mutants.MUTANTS if text(one).count(one.old) != 1] == []
     first = [test for one in mutants.MUTANTS for test in one.first]
     assert [test for test in first if not (ROOT / test.partition("::")[0]).exists()] == []
+
+
+@pytest.mark.parametrize("before", ["nowhere", "tests"])
+def test_a_version_to_compare_with_must_be_a_checkout(before):
+    done = subprocess.run(
+        [sys.executable, FOLDER / "cost" / "table.py", "--before", before],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"bench: BEFORE is '{before}', and no checkout: it has no selftouch_drake; make one with "
+        "`git worktree add build/before COMMIT`, or leave BEFORE out\n"
+    )
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from selftouch_drake.resources import RECORDINGS
 
 @pytest.mark.slow
 def test_the_same_command_gives_the_same_bytes(tmp_path):
-    import recordings
+    from benchmarks.make import recordings
 
     for folder in ("first", "second"):
         (tmp_path / folder).mkdir()

@@ -3,7 +3,8 @@ import sys
 import numpy as np
 import pytest
 from bodies import along_sphere, sphere, torus
-from unrolling import double_cover, landmarks, torsion, turns
+
+from benchmarks.accuracy.unrolling import double_cover, landmarks, torsion, turns
 
 
 def modulo_turns(num_points: int, order: int) -> np.ndarray:

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from raw_skin import fibonacci, recorded
 
+from benchmarks.shared.raw_skin import fibonacci, recorded
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import ExperimentError

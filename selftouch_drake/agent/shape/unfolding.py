@@ -14,11 +14,11 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from selftouch_drake.agent.shape.embedding import one_thread
+from selftouch_drake.quotient.layout import one_thread
 
 #: Weights of the suppositions: sensitivities of receptors, widths of touches, distances of touches
 #: from where their joints put them, and `1 / d^2` of receptors that are d apart. Chosen on three
-#: recordings of a Nao (`benchmarks/nao.py`): ten times as much changes errors by about 5 %.
+#: recordings of a Nao (`benchmarks/others/nao.py`): ten times as much changes errors by about 5 %.
 _ALIKE, _WIDTHS, _BY_JOINTS, _EVEN = 1.0, 0.1, 3.0, 3.0
 
 #: Added to squared distances, so that equal places repel each other finitely.
