@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.threads import mapped
+from selftouch_drake.quotient.threads import mapped
 
 
 def ask_for_model(
