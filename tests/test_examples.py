@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from selftouch_drake.agent.body_model.model import JointKind
 from selftouch_drake.geometry.closing import SimplifiedWarning
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -88,6 +89,15 @@ def test_pybullet_is_a_body_in_forty_lines():
 
 def test_a_robot_stops_where_it_is_pressed_too_hard():
     assert run("own_robot") == [True, True, False]
+
+
+def test_an_arm_is_a_chain_of_joints_and_mixed_readings_are_none():
+    plain, mixed = run("no_chain", 3000, 0.5)
+    assert plain.accepted
+    assert (plain.joint_kind == JointKind.TURNS).all()
+    assert plain.joint_names == ("yaw", "shoulder", "elbow", "wrist")
+    assert not mixed.accepted
+    assert mixed.held_out[0] < 0.8 < 0.95 < plain.held_out[0]
 
 
 def test_every_example_is_tested():

@@ -82,7 +82,7 @@ def misfit(found: np.ndarray, true: np.ndarray, extent: float) -> float:
 
 def means(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """Means over kernels with four touches and more."""
-    found, number, count = np.unique(kernel, return_inverse=True, return_counts=True)
+    _, number, count = np.unique(kernel, return_inverse=True, return_counts=True)
     sums = [np.bincount(number, weights=values[:, axis]) for axis in range(3)]
     return (np.stack(sums, axis=1) / count[:, None])[count >= 4]
 
@@ -163,9 +163,11 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
             ]
             hands = f"  who touched right {sum(best) / max((found >= 0).sum(), 1):6.1%}"
         print(
-            f"{name:20s} seed {seed:3d} part {number}  {own.sum():6d} touches  place {errors[0]:6.2f} "
-            f"kernels {errors[1]:6.2f} %  order right {right:3s}  accepted {accepted!s:5s}  near "
-            f"{model.held_out[number]:.3f} inliers {model.inliers[number]:.3f}{hands}  {seconds:5.1f} s",
+            f"{name:20s} seed {seed:3d} part {number}  {own.sum():6d} touches",
+            f"place {errors[0]:6.2f} kernels {errors[1]:6.2f} %  order right {right:3s}",
+            f"accepted {accepted!s:5s}  near {model.held_out[number]:.3f}",
+            f"inliers {model.inliers[number]:.3f}{hands}  {seconds:5.1f} s",
+            sep="  ",
             flush=True,
         )
         result.append((*errors, accepted))
@@ -187,9 +189,9 @@ def main() -> None:
         rows = [row for seed in args.seeds for row in look(name, seed, args)]
         place, kernels = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
         print(
-            f"{name}: place median {np.nanmedian(place):.2f} worst {np.nanmax(place):.2f} %, kernels "
-            f"median {np.nanmedian(kernels):.2f} worst {np.nanmax(kernels):.2f} %, accepted "
-            f"{sum(row[2] for row in rows)} of {len(rows)}"
+            f"{name}: place median {np.nanmedian(place):.2f} worst {np.nanmax(place):.2f} %,",
+            f"kernels median {np.nanmedian(kernels):.2f} worst {np.nanmax(kernels):.2f} %,",
+            f"accepted {sum(row[2] for row in rows)} of {len(rows)}",
         )
 
 

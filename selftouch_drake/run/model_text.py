@@ -148,7 +148,7 @@ def _joint_row(model: BodyModel, joint: int) -> tuple[str, ...]:
         name,
         _KINDS[kind],
         " ".join(f"{x:+.3f}" for x in direction) if size else "",
-        f"{size:.4g} ± {per_reading:.1g}{unit}",
+        f"{size:.4g}{'' if np.isnan(per_reading) else f' ± {per_reading:.1g}'}{unit}",
         "on the base" if above == BASE else f"after {model.joint_names[above]}",
         "unknown" if np.isnan(across_deg) else f"{across_deg:.2g}°",
         _open(model, joint),

@@ -105,9 +105,11 @@ def _skeleton(
     bones = []
     for link, on in hubs.items():
         points = [*(place[np.searchsorted(joints, joint)] for joint in on), *fixed[link]]
-        middle = np.mean(points, axis=0)
-        ends = [points] if len(points) == 2 else [[point, middle] for point in points]
-        bones += [pair for pair in ends if len(pair) == 2]
+        if len(points) == 2:
+            bones.append(points)
+        elif len(points) > 2:  # a star
+            middle = np.mean(points, axis=0)
+            bones += [[point, middle] for point in points]
     return Skeleton(
         joints=joints,
         place=place,

@@ -1,3 +1,4 @@
+import dataclasses
 import html
 import json
 import re
@@ -7,6 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from selftouch_drake.run.artifacts import load_body_model, save_body_model
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.show.outputs import write_report
 from selftouch_drake.show.page.figures import FIGURES
@@ -92,6 +94,34 @@ def test_the_recovered_body_can_be_turned(page, reported):
     assert part["closed"]
     assert np.max(part["faces"]) < len(part["places"])
     assert np.abs(part["places"]).max() <= 1.0
+
+
+def test_the_body_model_is_told_with_its_assumption_and_its_judgement(page):
+    text = page[page.index('<h2 id="model">') : page.index('<h2 id="plans">')]
+    assert "Its judgement: <strong>accepted</strong>." in text
+    assert "Assumed: rigid links on joints that turn or slide. Tested on touches" in text
+    assert 'alt="The skeleton that the agent found"' in text
+    assert "mirrored\n   and scaled as a whole" in text
+    rows = re.findall(r"<tr><td>(\d)</td><td>(\w+)</td><td>turns</td>.*<td>(\S+)</td></tr>", text)
+    assert [row[1] for row in rows][:2] == ["shoulder_yaw", "shoulder_pitch"]
+    assert [row[0] for row in rows] == list("123456")
+    assert {row[2] for row in rows} == {"0.0°"}
+    assert "└─ shoulder_yaw &gt; shoulder_pitch" in text
+
+
+@pytest.mark.parametrize(("reason", "told"), [("off", False), ("rejected: too few.", True)])
+def test_without_an_accepted_model_the_report_tells_why_or_nothing(
+    make_run, unrendered, reason, told
+):
+    run = make_run("learned")
+    model = load_body_model(run)
+    nothing = np.zeros_like(model.accepted_by_part)
+    save_body_model(run, dataclasses.replace(model, accepted_by_part=nothing, reason=reason))
+    write_report(run)
+    page = page_of(run)
+    assert ('<h2 id="model">' in page) == told
+    assert ("has no model of its body: rejected: too few." in page) == told
+    assert "Joints that the agent found" not in page
 
 
 def test_a_recording_stands_beside_its_plan(page):

@@ -62,7 +62,7 @@ def test_two_fingers_of_one_hand_are_told_apart():
     tried = random.uniform(-1.5, 1.5, (400_000, 4))
     there = places(tried, twists, other)
     apart, nearest = cKDTree(y).query(there)
-    close = np.flatnonzero(apart < 0.01)[:6000]
+    close = np.flatnonzero(apart < 0.03)[:6000]
     both_q, both = np.concatenate([q, tried[close]]), np.r_[target, target[nearest[close]]]
     true = np.r_[np.zeros(len(q)), np.ones(len(close))]
     model = found(both_q, both)

