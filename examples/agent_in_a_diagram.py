@@ -18,7 +18,8 @@ from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.robot import MakeDynamicStation, World
+from selftouch_drake.robot import World
+from selftouch_drake.systems import MakeDynamicStation
 
 NUM_TOUCHES, NUM_TARGETS = 8000, 60
 # s, times at which goals arrive; `main` chooses them.

@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from selftouch_drake.robot import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, AddTactileSkin
 
 MASS = 1.0
 

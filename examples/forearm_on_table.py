@@ -15,8 +15,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from selftouch_drake.robot import AddModelsAndSkins, AddTactileSkin
-from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
+from selftouch_drake.systems import AddModelsAndSkins, AddTactileSkin
+from selftouch_drake.systems.skin_visualizer import SkinVisualizer
 
 HERE = Path(__file__).parent
 # s, and rad of shoulder and elbow: above the table, on it, pressed into it.

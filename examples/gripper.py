@@ -22,7 +22,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from selftouch_drake.robot import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, AddTactileSkin
 
 HERE = Path(__file__).parent
 # N, of each finger; kg and m, of the box.

@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
 
-from selftouch_drake.robot import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, AddTactileSkin
 
 SKIN = {
     "surface": {"shape": "collision", "resolution": 0.03},

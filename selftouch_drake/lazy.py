@@ -4,6 +4,7 @@
 imports, trimesh takes 0.3 s, and `scipy.ndimage` takes 0.1 s.
 """
 
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -20,3 +21,18 @@ if TYPE_CHECKING:
 else:
     ndimage = _Lazy("scipy.ndimage")
     trimesh = _Lazy("trimesh")
+
+
+def names_of(modules: Mapping[str, str]) -> Callable[[str], Any]:
+    """The `__getattr__` of a package that imports each of its public names at its first use.
+
+    Args:
+        modules: for each name the module that has it.
+    """
+
+    def get(name: str) -> Any:
+        if name not in modules:
+            raise AttributeError(f"there is no {name!r}; known are {', '.join(sorted(modules))}")
+        return getattr(import_module(modules[name]), name)
+
+    return get

@@ -1,4 +1,7 @@
-"""Threads that work beside the caller's, on as many cores as there are, and what each keeps."""
+"""Threads that work beside the caller's, on as many cores as there are, and what each keeps.
+
+`quotient` has threads of its own, because it stands alone.
+"""
 
 import gc
 import threading
@@ -41,11 +44,6 @@ def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result
     """The result of each item, in order, of work that releases the GIL."""
     with thread_pool() as pool:
         return list(pool.map(work, items))
-
-
-def in_slices(work: Callable[[slice], object], num_rows: int, most: int) -> None:
-    """Calls `work` with slices of at most `most` of `num_rows` rows; it releases the GIL."""
-    mapped(work, [slice(start, start + most) for start in range(0, num_rows, most)])
 
 
 class OncePerThread(Generic[Value]):

@@ -17,13 +17,12 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 import yaml
+from by_hand import laid_by_hand
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning.smoothing import smooth_path
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience.store import (
     Contacts,
@@ -44,6 +43,7 @@ from selftouch_drake.experiment import (
 from selftouch_drake.experiment.loading import parse_fields
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.geometry.surfaces import mesh_file
+from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.run.artifacts import (
     load_body,
     load_execution,
@@ -153,24 +153,13 @@ def run(tmp_path_factory):
         ),
     )
     write_shard(path, shard, fingerprint=made.fingerprint())
-    representation = QuotientRepresentation(
+    representation = laid_by_hand(
+        [*shard.q[:49, None], shard.q[49:]],
+        np.stack([np.arange(49), np.arange(1, 50)], axis=1),
         target_sensations=shard.sensation[:50],
-        kernel_offsets=np.append(np.arange(50), 60),
-        kernel_q=shard.q,
-        kernel_row=np.arange(60),
-        kernel_strength=np.ones(60, np.float32),
-        kernel_error=np.zeros(60, np.float32),
-        kernel_mode=np.zeros(60, dtype=int),
-        mode_joints=np.ones((1, 6), dtype=bool),
-        joint_scale=np.ones(6),
         overlap=np.eye(100, dtype=bool),
-        part=np.zeros(50, int),
         set_distance=np.ones((50, 50), np.float32),
-        edges=np.stack([np.arange(49), np.arange(1, 50)], axis=1),
-        edge_cost=np.ones(49, np.float32),
         embedding=random.uniform(-1, 1, (50, 3)),
-        num_touches=60,
-        num_set_aside=0,
     )
     save_arrays(made.representation, representation.to_arrays() | made.stamp())
     topology = {"num_parts": np.array(1), "kernels": np.arange(50), "pieces": np.zeros((0, 3))}

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "selftouch_drake"
+HELPERS = ("colors", "compiled", "files", "lazy", "randomness", "resources", "threads")
 # Rooms on one line do not import each other.
 LAYERS = (
     ("__main__",),
@@ -20,17 +21,22 @@ LAYERS = (
     ("run",),
     ("evaluation", "calibration"),
     ("bodies",),
+    ("systems",),
     ("experience",),
     ("agent",),
+    ("quotient",),
     ("robot",),
     ("geometry",),
     ("experiment",),
-    ("compiled", "files", "lazy", "randomness", "resources", "threads"),
+    HELPERS,
 )
 HEIGHT = {room: -number for number, rooms in enumerate(LAYERS) for room in rooms}
-# The agent is naive: below it are only the helpers of `geometry` that know no robot. Between agent
-# and world there is one door, the body.
+# The paper is readable alone: it imports nothing of ours. The agent is naive: below it are only the
+# paper and the helpers of `geometry` that know no robot. Between agent and world there is one door,
+# the body.
 CLOSED = {
+    "quotient": ("robot", "geometry", "experiment", *HELPERS),
+    "robot": ("quotient",),
     "agent": ("experience", "robot", "experiment", "files", "resources"),
     "experience": ("robot",),
     "run": ("robot",),
@@ -89,11 +95,15 @@ def test_every_package_has_a_layer():
     ("module", "text"),
     [
         ("robot/world.py", "from selftouch_drake.run.directory import RunDirectory"),
+        ("robot/world.py", "from selftouch_drake.systems import TactileSkin"),
+        ("systems/babbler.py", "from selftouch_drake.bodies.drake import DrakeBody"),
         ("robot/world.py", "def f():\n    import selftouch_drake.agent"),
         ("robot/world.py", "if TYPE_CHECKING:\n    from selftouch_drake import show"),
         ("robot/world.py", "from ..evaluation import coverage"),
         ("run/stages.py", "from selftouch_drake.cli.stages import progress_bar"),
         ("files.py", "from .resources import MODELS"),
+        ("quotient/learn.py", "from selftouch_drake.threads import mapped"),
+        ("quotient/plan.py", "from ..agent import memory"),
         ("agent/agent.py", "from selftouch_drake.experience import ExperienceReader"),
         ("agent/agent.py", "from selftouch_drake.files import load_arrays"),
         ("run/stages.py", "from selftouch_drake.robot import World"),
@@ -109,6 +119,8 @@ def test_an_import_that_points_up_is_found(module, text):
     [
         ("agent/agent.py", "from selftouch_drake.geometry import farthest_points"),
         ("agent/shape/recovery.py", "from ..representation import quotient"),
+        ("agent/shape/recovery.py", "from ...quotient import body"),
+        ("quotient/learn.py", "from .threads import mapped"),
         ("cli/__init__.py", "from selftouch_drake import __version__"),
     ],
 )
@@ -135,3 +147,50 @@ def test_what_is_imported_from_elsewhere_is_declared():
         for name in found - {*sys.stdlib_module_names, "selftouch_drake"}
     }
     assert {name for name, owner in owners.items() if not owner & declared} == set()
+
+
+def systems_in(text: str) -> set[str]:
+    """What a module of `robot` names that makes it more than a plant: systems and diagrams."""
+    names = {
+        alias.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom)
+        and (node.module or "").startswith("pydrake.systems")
+        and node.module != "pydrake.systems.lcm"  # messages are no systems
+        for alias in node.names
+    }
+    modules = {
+        alias.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Import)
+        for alias in node.names
+        if alias.name.startswith("pydrake.systems")
+    }
+    return names | modules
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "robot").glob("*.py")), ids=lambda p: p.stem)
+def test_robots_hold_no_system_and_build_no_diagram(path):
+    assert systems_in(path.read_text(encoding="utf-8")) == set()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from pydrake.systems.framework import LeafSystem",
+        "def f():\n    from pydrake.systems.framework import DiagramBuilder",
+        "import pydrake.systems.framework",
+    ],
+)
+def test_a_system_among_robots_is_found(text):
+    assert len(systems_in(text)) == 1
+
+
+def test_nothing_but_systems_are_leaf_systems_or_build_diagrams():
+    rooms = {
+        room_of(path)
+        for path in modules()
+        if re.search(r"\b(LeafSystem|DiagramBuilder)\b", path.read_text(encoding="utf-8"))
+    }
+    # Where nothing is simulated, `show` poses a robot.
+    assert rooms <= {"systems", "show"}

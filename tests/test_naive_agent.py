@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from selftouch_drake import agent
+from selftouch_drake import agent, quotient
 
 MODULES = [
     agent.__name__,
     *(found.name for found in pkgutil.walk_packages(agent.__path__, f"{agent.__name__}.")),
+    *(found.name for found in pkgutil.walk_packages(quotient.__path__, f"{quotient.__name__}.")),
 ]
 
 FORBIDDEN = (
@@ -47,6 +48,7 @@ def test_every_module_is_looked_at():
         "selftouch_drake.agent.planning.planner",
         "selftouch_drake.agent.representation.estimator",
         "selftouch_drake.agent.shape.recovery",
+        "selftouch_drake.quotient.learn",
     } <= set(MODULES)
 
 
@@ -88,9 +90,8 @@ def outside(source: str) -> set[str]:
     own = (
         "selftouch_drake.agent",
         "selftouch_drake.compiled",
-        "selftouch_drake.geometry.farthest",
+        "selftouch_drake.quotient",
         "selftouch_drake.randomness",
-        "selftouch_drake.threads",
     )
     return {n for n in names if n.split(".")[0] not in ALLOWED and not n.startswith(own)}
 

@@ -17,17 +17,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.graphs import (
-    connected_edges,
-    geodesics,
-    neighbour_edges,
-)
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
-from selftouch_drake.agent.shape.fields import angles
 from selftouch_drake.agent.shape.metrics import sensorimotor
 from selftouch_drake.evaluation.shape import kernel_truth, shape_errors
 from selftouch_drake.experience.store import Contacts, ExperienceReader
+from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
+from selftouch_drake.quotient.layout import curvature_corrected_mds
+from selftouch_drake.quotient.paths import geodesics
+from selftouch_drake.quotient.sensations import angles
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 

@@ -87,13 +87,11 @@ def measured(run: RunDirectory, prefer: Any, num_pairs: int) -> dict[str, Any]:
     }
     for pair in random_pairs(run.experiment, known, num_pairs):
         try:
-            _, unpractised, practised, _ = practise(
-                agent, slider, pair, q_start=pilot.start_of(*pair)
-            )
+            found = practise(agent, slider, pair, q_start=pilot.start_of(*pair))
         except NoWayError:
             continue
-        scores["unpractised"].append(judge(unpractised))
-        scores["practised"].append(judge(practised))
+        scores["unpractised"].append(judge(found.unpractised))
+        scores["practised"].append(judge(found.plan))
     row: dict[str, Any] = {
         "seed": run.experiment.seed,
         "body": run.experiment.name,

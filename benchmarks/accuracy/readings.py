@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.representation.graphs import DisconnectedWarning
 from selftouch_drake.evaluation.shape import shape_rms_fraction
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.schema import Reading
+from selftouch_drake.quotient.graph import DisconnectedWarning
 from selftouch_drake.robot import World
 from selftouch_drake.robot.readings import readings
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.shape.metrics import BodyGraph, Progress, between_cells
+from selftouch_drake.agent.shape.metrics import Progress, between_cells
 from selftouch_drake.agent.shape.quotient_map import discriminants
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.lengths import BodyGraph
 
 #: Most configurations per kernel; more do not change the discriminants of 729 products.
 _MAX_ROWS = 150

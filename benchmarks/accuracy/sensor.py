@@ -48,15 +48,9 @@ from scipy.spatial import cKDTree
 from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.receptors import place_receptors, receptive_fields
 from selftouch_drake.geometry.surfaces import sphere
-from selftouch_drake.robot import (
-    AddSkins,
-    AddTactileSkin,
-    RegisterSkin,
-    SensorModel,
-    SkinModel,
-    WornSkin,
-)
+from selftouch_drake.robot import SensorModel, SkinModel, WornSkin
 from selftouch_drake.robot.faces import Faces
+from selftouch_drake.systems import AddSkins, AddTactileSkin, RegisterSkin
 
 GRAVITY = 9.81
 # m and Pa, of all skins but those that vary.

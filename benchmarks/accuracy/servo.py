@@ -28,10 +28,11 @@ from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.geometry.hollow import hollow_skin
-from selftouch_drake.robot import Simulation, SkinModel
+from selftouch_drake.robot import SkinModel
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.systems.simulation import Simulation
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 

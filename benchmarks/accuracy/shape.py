@@ -36,14 +36,14 @@ import numpy as np
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.shape.dimension import intrinsic_dimension
-from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
-from selftouch_drake.agent.shape.homology import topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, ShapeMetric
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover, trusted
 from selftouch_drake.evaluation.shape import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays
+from selftouch_drake.quotient.dimension import intrinsic_dimension
+from selftouch_drake.quotient.holes import topology
+from selftouch_drake.quotient.layout import curvature_corrected_mds
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 

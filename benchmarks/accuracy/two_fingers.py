@@ -21,25 +21,22 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.graphs import (
-    connected_edges,
-    geodesics,
-    locally_scaled,
-    neighbour_edges,
-)
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSets
-from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations
-from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
 )
-from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.experiment import load_experiment
+from selftouch_drake.quotient.dimension import intrinsic_dimension
+from selftouch_drake.quotient.distances import set_distances
+from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.paths import geodesics, locally_scaled
+from selftouch_drake.quotient.reservoir import KernelReservoir
+from selftouch_drake.quotient.sensations import assign, strength, target_sensations
 from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase
 

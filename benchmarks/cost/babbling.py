@@ -35,9 +35,10 @@ from selftouch_drake.experience.collect import collect, collect_walk, random_wal
 from selftouch_drake.experience.store import write_shard
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.robot import MakeDynamicStation, World
+from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.run.executors import local_executor
+from selftouch_drake.systems import MakeDynamicStation
 
 # Steps of a walk made at once.
 _BATCH = 4096

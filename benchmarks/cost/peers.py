@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import _NOT_TOLD, _nearest_squared
+from selftouch_drake.quotient.distances import _NOT_TOLD, _nearest_squared
 
 
 def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: int) -> list[dict]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.planning.route import goal_members
+from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.run.directory import RunDirectory

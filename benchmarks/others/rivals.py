@@ -45,10 +45,10 @@ from sklearn.neural_network import MLPRegressor
 
 from selftouch_drake.agent.calibration import felt_touches
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.representation.quantise import assign
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.quotient.sensations import assign
 from selftouch_drake.run.judged import find_recording, judge
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`

@@ -21,21 +21,27 @@ from selftouch_drake.run.metrics import METRICS
 
 #: Packages of the API reference with their titles: what a program outside of this one may use.
 API = {
+    "quotient": (
+        "The paper",
+        ("quotient", "quotient.learn", "quotient.sensations", "quotient.kernels")
+        + ("quotient.distances", "quotient.graph", "quotient.paths", "quotient.representation")
+        + ("quotient.lengths", "quotient.layout", "quotient.holes", "quotient.dimension")
+        + ("quotient.surface", "quotient.body", "quotient.links", "quotient.firm")
+        + ("quotient.route", "quotient.waypoints", "quotient.smooth", "quotient.plan"),
+    ),
     "agent": ("The naive agent", ("agent.agent", "agent.motions", "agent.rehearsal")),
     "representation": (
         "What the agent learns",
         ("agent.representation.learning", "agent.representation.quotient")
-        + ("agent.representation.graphs", "agent.representation.kernels")
-        + ("agent.representation.quantise", "agent.representation.touches"),
+        + ("agent.representation.graphs", "agent.representation.touches"),
     ),
     "shape": (
         "What the agent recovers",
-        ("agent.shape.recovery", "agent.shape.metrics", "agent.shape.embedding")
-        + ("agent.shape.homology", "agent.shape.dimension"),
+        ("agent.shape.recovery", "agent.shape.metrics"),
     ),
     "planning": (
         "How the agent plans",
-        ("agent.planning.planner", "agent.planning.prediction", "agent.planning.smoothing"),
+        ("agent.planning.planner", "agent.planning.prediction", "agent.planning.timing"),
     ),
     "experience": (
         "Collecting and reading experience",

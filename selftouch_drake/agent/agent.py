@@ -11,22 +11,22 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning.planner import Planner, checked_target
+from selftouch_drake.agent.planning.planner import Planner, Prefer
 from selftouch_drake.agent.planning.prediction import (
     Prediction,
     predict_sensation,
     recall_sensation,
 )
-from selftouch_drake.agent.planning.route import Prefer
-from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation.kernels import kernel_sensations
+from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.touches import felt_kernels
+from selftouch_drake.quotient.plan import most_typical
+from selftouch_drake.quotient.smooth import KNOT_SPACING
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.practice import DryRun
+    from selftouch_drake.agent.dry_run import DryRun
     from selftouch_drake.agent.shape.recovery import RecoveredBody
 
 
@@ -123,9 +123,8 @@ class Agent:
         if q_start is None:
             if not targets or targets[0] is None:
                 raise ValueError("q_start is missing: give joint positions if nothing is felt")
-            known = self.representation
-            members = known.members(checked_target(targets[0], known))
-            q_start = known.kernel_q[members][known.kernel_error[members].argmin()].astype(float)
+            first = self.representation.checked_target(targets[0])
+            q_start = most_typical(self.representation, first)
         return self.planner.plan(q_start, targets, memory=self.memory, **options)
 
     def predict(self, plan: Plan, s: np.ndarray, dry_run: "DryRun | None" = None) -> Prediction:

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from selftouch_drake.agent.records import Record
-from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: A link on which contact was lost costs this many times more from then on.
@@ -134,7 +133,7 @@ class RehearsalMemory(Record):
     @classmethod
     def blank(cls, representation: QuotientRepresentation) -> "RehearsalMemory":
         """The memory of an agent that has rehearsed nothing."""
-        links, digest = step_links(representation), hashlib.sha256()
+        links, digest = representation.step_links(), hashlib.sha256()
         for array in (representation.target_sensations, representation.joint_scale, links):
             digest.update(np.ascontiguousarray(array).tobytes())
         return cls(

@@ -7,54 +7,38 @@ adds what happened. Each holds the one before.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from selftouch_drake.agent.records import Record
+from selftouch_drake.quotient.plan import MotorPath
 
 #: Value in `nodes` of a configuration in which nothing is felt.
 NO_KERNEL = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan(Record):
-    """A geometric path in motor space through one configuration of each kernel on a route.
+class Plan(MotorPath, Record):
+    """A path in motor space along links, through the air, and past imagined touches.
 
-    W waypoints and J joints. Motor configurations are in the robot's units; lengths along the path
-    are between scaled configurations (rad).
+    W waypoints, of which the first has the node `NO_KERNEL` if the agent touches nothing there.
 
     Attributes:
-        nodes: `(W,)` kernels, from the start to the goal; the first is `NO_KERNEL` if the agent
-            touches nothing there.
         links: `(W - 1,)` row of each step in the planner's `links`; -1 where there is none: in the
             air.
         in_air: `(W - 1,)` bool, steps through the air, from one touch (or none) to another.
         modes: `(W - 1,)` the mode of the touches on each step along links; `NO_MODE` of others.
         imagined: `(W,)` bool, waypoints between two touches, where the agent only expects one.
-        waypoints_q: `(W, J)` one motor configuration per kernel.
-        waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
-        path: smooth quintic B-spline of motor configurations over `[0, waypoint_s[-1]]`, from the
-            first waypoint to the last; constant over `[0, 1]` if the start is the goal.
     """
 
-    nodes: np.ndarray
     links: np.ndarray
     in_air: np.ndarray
     modes: np.ndarray
     imagined: np.ndarray
-    waypoints_q: np.ndarray
-    waypoint_s: np.ndarray
-    path: BSpline
 
     def __post_init__(self) -> None:
+        MotorPath.__post_init__(self)
         num = self.nodes.size
         steps = dict.fromkeys(("links", "in_air", "modes"), (num - 1,))
-        waypoints = dict.fromkeys(("nodes", "imagined", "waypoint_s"), (num,))
-        self.check_arrays({**waypoints, **steps, "waypoints_q": (num, None)})
-
-    @property
-    def goal(self) -> int:
-        """The kernel to be felt at the end."""
-        return int(self.nodes[-1])
+        self.check_arrays({**steps, "imagined": (num,)})
 
     def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""

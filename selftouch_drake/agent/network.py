@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.threads import in_slices, thread_pool
+from selftouch_drake.quotient.threads import in_slices, thread_pool
 
 #: Initial learning rates: of hidden layers, whose steps are orthogonal, and of all other weights.
 #: Measured on torus, cube and sphere: half or twice either rate gives a higher loss.

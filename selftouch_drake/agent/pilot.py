@@ -12,14 +12,16 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Followed, ServoedBody
+from selftouch_drake.agent.dry_run import DryRun, dry_run
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.novelty import Recorded
-from selftouch_drake.agent.planning.planner import Limits, checked_configuration
+from selftouch_drake.agent.planning.planner import checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
-from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
+from selftouch_drake.agent.practice import NoWayError, learn_from, practise
 from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
+from selftouch_drake.quotient.plan import Limits
 from selftouch_drake.randomness import random_stream
 
 #: Hz, rate of the samples of a timed motion.
@@ -201,14 +203,12 @@ class Pilot:
     ) -> Query:
         """Plans and practises the plan."""
         began = time.perf_counter()
-        agent, unpractised, plan, felt = practise(
-            self.agent, self._slider, targets, q_start=q_start, limits=limits
-        )
-        motion = self.motion(plan, felt)
+        found = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
+        motion = self.motion(found.plan, found.felt)
         return Query(
-            agent=agent,
-            plan=plan,
-            unpractised=unpractised,
+            agent=found.agent,
+            plan=found.plan,
+            unpractised=found.unpractised,
             motion=motion,
             seconds=time.perf_counter() - began,
         )
@@ -219,13 +219,19 @@ def executed(motion: Motion, followed: Followed) -> Execution:
 
     The body measured at samples of its own; what was felt is taken from the nearest one.
     """
-    there = followed.time_s
-    place = np.interp(motion.time_s, there, np.arange(len(there)))
-    row, share = np.rint(place).astype(int), (place - place.astype(int))[:, None]
+    # Where each sample of the motion lies between those of the body, in numbers of samples.
+    place = np.interp(motion.time_s, followed.time_s, np.arange(len(followed.time_s)))
     before = place.astype(int)
-    after = np.minimum(before + 1, len(there) - 1)
+    after = np.minimum(before + 1, len(followed.time_s) - 1)
+    nearest = np.rint(place).astype(int)
+    share = (place - before)[:, None]
     q = followed.q[before] + share * (followed.q[after] - followed.q[before])
-    v = np.gradient(q, motion.time_s, axis=0) if followed.v is None else followed.v[row]
+    v = np.gradient(q, motion.time_s, axis=0) if followed.v is None else followed.v[nearest]
     torque = np.zeros((0, q.shape[1])) if followed.torque is None else followed.torque
-    felt = followed.sensation[row]
-    return Execution(motion=motion, felt=felt, q_measured=q, v_measured=v, torque=torque)
+    return Execution(
+        motion=motion,
+        felt=followed.sensation[nearest],
+        q_measured=q,
+        v_measured=v,
+        torque=torque,
+    )

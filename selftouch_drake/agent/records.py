@@ -7,13 +7,14 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from scipy.interpolate import BSpline
 
-#: Kinds of numbers of the arrays that do not hold finite numbers, and their names in errors.
+from selftouch_drake.quotient.records import BOOLEANS, REAL, WHOLE, check_arrays
+
+#: Kinds of numbers of the arrays that do not hold finite numbers.
 _KINDS = {
-    "embedding": ("iuf", "real numbers"),
-    **dict.fromkeys(("in_air", "imagined", "overlap", "mode_joints"), ("b", "booleans")),
-    **dict.fromkeys(("nodes", "links", "modes", "node", "offsets"), ("iu", "whole numbers")),
-    **dict.fromkeys(("missed", "kernel_offsets", "kernel_row"), ("iu", "whole numbers")),
-    **dict.fromkeys(("kernel_mode", "edges", "part"), ("iu", "whole numbers")),
+    "embedding": REAL,
+    **dict.fromkeys(("in_air", "imagined", "overlap", "mode_joints"), BOOLEANS),
+    **dict.fromkeys(("nodes", "links", "modes", "node", "offsets"), WHOLE),
+    **dict.fromkeys(("missed", "kernel_mode", "part"), WHOLE),
 }
 
 
@@ -62,15 +63,7 @@ class Record:
         Raises:
             ValueError: an array does not fit; the text names it.
         """
-        for field, shape in shapes.items():
-            name, array = self.prefix + field, getattr(self, field)
-            sizes = zip(shape, array.shape, strict=False)
-            if array.ndim != len(shape) or any(want not in (None, have) for want, have in sizes):
-                expected = str(shape).replace("None", "any")
-                raise ValueError(f"{name} has shape {array.shape}, expected {expected}")
-            kinds, words = _KINDS.get(field, ("iuf", "finite numbers"))
-            if array.dtype.kind not in kinds or not (field in _KINDS or np.isfinite(array).all()):
-                raise ValueError(f"{name} must hold {words}")
+        check_arrays(self, shapes, _KINDS, prefix=self.prefix)
 
 
 def _restored(name: str, kind: Any, arrays: Mapping[str, np.ndarray]) -> Any:

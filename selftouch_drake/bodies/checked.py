@@ -133,29 +133,12 @@ class CheckedBody(AbstractContextManager):
                     f"{self.name} has no method {method}; write one, as "
                     "selftouch_drake.agent.body.Body describes it"
                 )
-        names = self._attribute("joint_names")
-        listed = () if isinstance(names, str) or not isinstance(names, Sequence) else tuple(names)
-        texts = all(isinstance(name, str) for name in listed)
-        if not listed or not texts or len(set(listed)) < len(listed):
-            raise self._wrong(f"joint_names is {shown(names)}; give a list of different names")
-        self.joint_names: Sequence[str] = listed
+        self.joint_names: Sequence[str] = self._names()
         self.lower, self.upper = self._limits("lower"), self._limits("upper")
         self.velocity, self.acceleration = self._limits("velocity"), self._limits("acceleration")
         for joint, name in enumerate(self.joint_names):
-            low, high = self.lower[joint], self.upper[joint]
-            if not low < high:
-                raise self._wrong(
-                    f"lower of {name} is {low:g}, and upper {high:g}; give the smaller one as lower"
-                )
-            for limit in ("velocity", "acceleration"):
-                if not (most := getattr(self, limit)[joint]) > 0:
-                    raise self._wrong(f"{limit} of {name} is {most:g}; give a number above 0")
-        num = self._attribute("num_receptors")
-        if not isinstance(num, (int, np.integer)) or num < _FEWEST_RECEPTORS:
-            raise self._wrong(
-                f"num_receptors is {shown(num)}; give a whole number, at least {_FEWEST_RECEPTORS}"
-            )
-        self.num_receptors = int(num)
+            self._check_joint(joint, name)
+        self.num_receptors = self._number_of_receptors()
         self.jumps = self._attribute("jumps")
         if not isinstance(self.jumps, (bool, np.bool_)):
             raise self._wrong(
@@ -257,6 +240,35 @@ class CheckedBody(AbstractContextManager):
             )
         return found
 
+    def _names(self) -> tuple[str, ...]:
+        """The names of the joints."""
+        names = self._attribute("joint_names")
+        listed = () if isinstance(names, str) or not isinstance(names, Sequence) else tuple(names)
+        are_texts = all(isinstance(name, str) for name in listed)
+        if not listed or not are_texts or len(set(listed)) < len(listed):
+            raise self._wrong(f"joint_names is {shown(names)}; give a list of different names")
+        return listed
+
+    def _number_of_receptors(self) -> int:
+        number = self._attribute("num_receptors")
+        if not isinstance(number, (int, np.integer)) or number < _FEWEST_RECEPTORS:
+            raise self._wrong(
+                f"num_receptors is {shown(number)}; give a whole number, at least "
+                f"{_FEWEST_RECEPTORS}"
+            )
+        return int(number)
+
+    def _check_joint(self, joint: int, name: str) -> None:
+        """Raises a `BodyError` if the limits of a joint leave it no motion."""
+        low, high = self.lower[joint], self.upper[joint]
+        if not low < high:
+            raise self._wrong(
+                f"lower of {name} is {low:g}, and upper {high:g}; give the smaller one as lower"
+            )
+        for limit in ("velocity", "acceleration"):
+            if not (most := getattr(self, limit)[joint]) > 0:
+                raise self._wrong(f"{limit} of {name} is {most:g}; give a number above 0")
+
     def _limits(self, name: str) -> np.ndarray:
         """`(J,)` limits of the joints, read-only."""
         value, num_joints = self._attribute(name), len(self.joint_names)
@@ -279,16 +291,16 @@ class CheckedBody(AbstractContextManager):
                 f"{method} returned {shown(found)}, without {name}; return a "
                 f"selftouch_drake.agent.body.{kind}"
             )
-        numbers = _numbers(getattr(found, name))
-        wanted = f"({', '.join('T' if n < 0 else str(n) for n in shape)}{',' * (len(shape) == 1)})"
+        numbers, wanted = _numbers(getattr(found, name)), _shape_text(shape)
         if numbers is None:
             raise self._wrong(
                 f"{method} returned {name} {shown(getattr(found, name))}; return numbers of shape "
                 f"{wanted}"
             )
-        if len(shape) != numbers.ndim or any(
-            n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)
-        ):
+        fits = len(shape) == numbers.ndim and all(
+            length in (-1, given) for length, given in zip(shape, numbers.shape, strict=True)
+        )
+        if not fits:
             raise self._wrong(
                 f"{method} returned {name} of shape {numbers.shape}; return {wanted}, each time"
             )
@@ -311,6 +323,12 @@ def _numbers(value: Any) -> np.ndarray | None:
     except (ValueError, TypeError):
         return None
     return array.astype(float) if array.dtype.kind in "fiub" else None
+
+
+def _shape_text(shape: tuple[int, ...]) -> str:
+    """A shape as Python writes it, with T for any length."""
+    lengths = ", ".join("T" if length < 0 else str(length) for length in shape)
+    return f"({lengths},)" if len(shape) == 1 else f"({lengths})"
 
 
 def _said(error: BaseException) -> str:

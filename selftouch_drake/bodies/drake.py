@@ -5,7 +5,7 @@ simulation. An agent has no use for it.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,19 @@ from scipy.interpolate import CubicSpline
 from selftouch_drake.agent.body import Felt, Followed
 from selftouch_drake.agent.touch_profile import TouchProfile
 from selftouch_drake.experience.store import Contacts
-from selftouch_drake.robot import Log, Simulation, Touches, World
+from selftouch_drake.experience.walk import BATCH_S
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.robot import Touches, World
 from selftouch_drake.robot.imperfections import remembered
-from selftouch_drake.robot.servo import OFFSETS
+from selftouch_drake.robot.robot import BabblingJoints
+from selftouch_drake.systems.simulation import (
+    Babbling,
+    Log,
+    RunningDiagram,
+    Simulation,
+    simulation_of,
+)
+from selftouch_drake.systems.touch_servo import OFFSETS
 
 # s between two samples of a babbling robot, in which a fingertip moves by a few millimetres.
 _BABBLING_PERIOD = 0.02
@@ -100,9 +110,8 @@ class _Joints:
         self.lower, self.upper = robot.lower, robot.upper
         self.velocity, self.acceleration = limits.velocity, limits.acceleration
         self.num_receptors = world.experiment.num_receptors
-        lower, upper = robot.babbled_range
-        # A sliding joint crosses its range in the time in which a revolute joint turns once.
-        self.unit = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
+        self.babbling_joints = BabblingJoints.of_plant(robot.plant, world.experiment)
+        self.unit = self.babbling_joints.unit
 
 
 class DrakeBody(_Joints):
@@ -140,10 +149,15 @@ class DrakeFollowed(Followed):
     world: World
 
     def felt(self) -> "DrakeFelt":
-        """What was felt at each sample; contacts are computed anew at the configurations."""
-        q = self.log.q.astype(np.float32)
-        touches = dataclasses.replace(self.world.probe.touches(q), sensation=self.sensation)
-        return DrakeFelt(self.world, q, 0.0, touches)
+        """What was felt at each sample."""
+        return _logged(self.world, self.log)
+
+
+def _logged(world: World, log: Log) -> DrakeFelt:
+    """What was felt at each sample of a log; contacts are computed anew at the configurations."""
+    q = log.q.astype(np.float32)
+    touches = dataclasses.replace(world.probe.touches(q), sensation=log.felt)
+    return DrakeFelt(world, q, 0.0, touches)
 
 
 class DrakeDynamicBody(_Joints):
@@ -173,7 +187,9 @@ class DrakeDynamicBody(_Joints):
 
     @cached_property
     def _simulation(self) -> Simulation:
-        return self.world.simulation  # takes as long to build as a plan; who only plans needs none
+        return simulation_of(
+            self.world
+        )  # takes as long to build as a plan; who only plans needs none
 
     def feel(self, q: np.ndarray) -> "DrakeFelt":
         """What is felt at `(n, J)` configurations, after the robot came to rest at each."""
@@ -199,6 +215,10 @@ class DrakeDynamicBody(_Joints):
         if self._at is None or (self.jumps and not np.array_equal(q[0], self._at)):
             return self._jump_and_follow(time_s, q)
         self._go_to(q[0])
+        return self._lead_through(time_s, q)
+
+    def _lead_through(self, time_s: np.ndarray, q: np.ndarray) -> DrakeFollowed:
+        """Follows a motion in straight pieces, from its first configuration, where the body is."""
         began = self._simulation.time_s
         # Samples are taken exactly at times from which sums of durations have drifted.
         until, period = began + time_s[1:], self._simulation.log_period
@@ -249,6 +269,92 @@ class DrakeDynamicBody(_Joints):
         )
 
 
+class DrakeBabblingBody(DrakeDynamicBody):
+    """A robot under dynamics that babbles: its `Babbler` leads it along random walks.
+
+    Where an agent chooses the way, the body follows it in straight pieces too.
+
+    Args:
+        world: of the robot.
+        experiment: as it is while the robot babbles.
+    """
+
+    def __init__(self, world: World, experiment: Experiment):
+        super().__init__(world, jumps=experiment.babbling.jumps)
+        self._experiment = experiment
+        # The diagram in which the robot is.
+        self._runs: RunningDiagram
+
+    @cached_property
+    def _simulation(self) -> Simulation:
+        return Simulation(
+            self._experiment,
+            self.world.skins,
+            num_joints=len(self.lower),
+            log_period=_BABBLING_PERIOD,
+        )
+
+    @cached_property
+    def _babbling(self) -> Babbling:
+        return Babbling(
+            self._experiment,
+            self.world.skins,
+            joints=self.babbling_joints,
+            log_period=_BABBLING_PERIOD,
+        )
+
+    def babble(self, walk: int) -> Callable[[], DrakeFelt]:
+        """Begins a random walk; each call of what is returned goes on for ten seconds.
+
+        A body that cannot jump travels to the first node, slowly, from where it is.
+        """
+        babbling = self._babbling
+        first = babbling.babbler.nodes(1, walk=walk)[0]
+        if self.jumps or self._at is None:
+            babbling.begin(walk)
+        else:
+            needs = float(np.max(np.abs(first - self._at) / self.velocity)) / _SLOWLY
+            approach_s = max(needs, _SETTLED_S)
+            q, v = self._runs.q.copy(), self._runs.v.copy()
+            babbling.go_on_to(walk, q, v, self._at, approach_s)
+            self.robot_s += approach_s
+        self._runs, began, num_batches = babbling, babbling.time_s, 0
+
+        def go_on() -> DrakeFelt:
+            nonlocal num_batches
+            num_batches += 1
+            # Counted, so that sums of durations do not drift.
+            babbling.advance_to(began + num_batches * BATCH_S)
+            self.robot_s += BATCH_S
+            self._at = babbling.q_commanded
+            return _logged(self.world, babbling.take_log())
+
+        self._at = first
+        return go_on
+
+    def feel(self, q: np.ndarray) -> DrakeFelt:
+        """As of `DrakeDynamicBody`."""
+        self._leave_the_walk()
+        return super().feel(q)
+
+    def follow(self, time_s: np.ndarray, q: np.ndarray) -> DrakeFollowed:
+        """As of `DrakeDynamicBody`, in straight pieces."""
+        self._leave_the_walk()
+        return super().follow(time_s, q)
+
+    def _leave_the_walk(self) -> None:
+        """The robot goes on in the diagram of paths, from where it is and as fast as it is."""
+        if self._at is not None and self._runs is not self._simulation:
+            self._simulation.take_over(self._at, self._runs.q.copy(), self._runs.v.copy())
+        self._runs = self._simulation
+
+    def _jump_and_follow(
+        self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile | None = None
+    ) -> DrakeFollowed:
+        self._simulation.rest_at(q[0])
+        return self._lead_through(time_s, q)
+
+
 class DrakeBodies:
     """The bodies of a robot in Drake: for babbling, for practice, and to act."""
 
@@ -256,7 +362,7 @@ class DrakeBodies:
         self.world = world
 
     @cached_property
-    def babbling(self) -> DrakeBody | DrakeDynamicBody:
+    def babbling(self) -> DrakeBody | DrakeBabblingBody:
         """As the experiment says: without dynamics, or under dynamics."""
         experiment = self.world.experiment
         if experiment.babbling.mode == "kinematic":
@@ -265,8 +371,7 @@ class DrakeBodies:
         joints = dataclasses.replace(experiment.joints, offset=0.0)
         execution = dataclasses.replace(experiment.execution, touch_servo=False)
         experiment = dataclasses.replace(experiment, joints=joints, execution=execution)
-        simulation = Simulation(experiment, self.world.skins, log_period=_BABBLING_PERIOD)
-        return DrakeDynamicBody(self.world, simulation, jumps=experiment.babbling.jumps)
+        return DrakeBabblingBody(self.world, experiment)
 
     @cached_property
     def still(self) -> DrakeBody:

@@ -20,13 +20,17 @@ _SLOW = 0.5
 #: Peak of the speed of a motion of least jerk, as a multiple of its mean.
 _PEAK = 1.875
 
-#: Shares of a joint's range: it is there, as far as soft contact lets it; it is so far behind that
-#: something is in its way.
-_NEAR, _BLOCKED = 0.03, 0.08
+#: Share of its range within which a joint counts as there: soft contact pushes it off a little.
+_NEAR = 0.03
 
-#: Seconds to become still; seconds in which a joint that is still moves by less than this share of
-#: its range.
-_SETTLED_S, _STILL_S, _STILL = 3.0, 0.1, 0.0005
+#: Share of its range by which a joint is behind if something is in its way.
+_BLOCKED = 0.08
+
+#: s in which a body becomes still, or counts as not there.
+_SETTLED_S = 3.0
+
+#: A joint is still if it moves by less than this share of its range in this many seconds.
+_STILL, _STILL_S = 0.0005, 0.1
 
 #: Times that a motion is begun again when the episode ends in it.
 _TRIES = 3
@@ -87,25 +91,15 @@ class GymnasiumBody:
         self._reset()
         num_joints, self.num_receptors = len(self._q), len(self._sensation)
         self.joint_names = list(joint_names or (f"joint_{n}" for n in range(num_joints)))
-        low, high = (
-            _picked(getattr(env.observation_space, "spaces", env.observation_space), joints, end)
-            for end in ("low", "high")
-        )
-        given = (low if lower is None else lower, high if upper is None else upper)
-        bounds = [np.asarray(bound, dtype=float) for bound in given]
+        observed_lower, observed_upper = self._observed_limits()
+        bounds = [
+            np.asarray(observed_lower if lower is None else lower, dtype=float),
+            np.asarray(observed_upper if upper is None else upper, dtype=float),
+        ]
         #: What was found out, or None if nothing moves by actions.
         self.actions: Actions | None = None
         if action != "none":
-            span = bounds[1] - bounds[0]
-            span = np.where(np.isfinite(span) & (span > 0), span, _UNKNOWN_RANGE)
-            space = env.action_space
-            if not hasattr(space, "low") or len(space.shape) != 1:
-                raise BodyError(f"the action space is {shown(space)}; only Box(n,) can be used")
-            low, high = space.low.astype(float), space.high.astype(float)
-            kind = cast("Kind | None", action)
-            self.actions = find_actions(
-                self._trial, low, high, span, self.joint_names, self._step_s, kind
-            )
+            self.actions = self._found_actions(action, bounds[1] - bounds[0])
             self._drive = Drive(self.actions)
             self._reset()
             if self.actions.kind == "position":
@@ -116,16 +110,13 @@ class GymnasiumBody:
         elif not self.jumps:
             raise BodyError("action is none; then give set_posture or reset_option")
         for name, bound in zip(("lower", "upper"), bounds, strict=True):
-            if bound.shape != (num_joints,) or not np.isfinite(bound).all():
-                raise BodyError(
-                    f"{name} is {shown(bound.tolist())}: the space of the observation does not "
-                    f"limit the joints; give `{name}`, {num_joints} numbers"
-                )
+            _require_limits(name, bound, num_joints)
         self.lower, self.upper = bounds
         span = self.upper - self.lower
+        # By default a quarter of the range per second, reached in a quarter of a second.
         self.velocity = np.asarray(span / 4 if velocity is None else velocity, dtype=float)
-        fast = 4 * self.velocity if acceleration is None else acceleration
-        self.acceleration = np.asarray(fast, dtype=float)
+        fastest = 4 * self.velocity if acceleration is None else acceleration
+        self.acceleration = np.asarray(fastest, dtype=float)
         self._near, self._blocked, self._still = _NEAR * span, _BLOCKED * span, _STILL * span
 
     def feel(self, q: np.ndarray) -> Felt:
@@ -167,8 +158,29 @@ class GymnasiumBody:
         """Closes the environment."""
         self._env.close()
 
+    def _observed_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """`(J,)` lowest and highest joint positions, as the space of the observation has them."""
+        space = self._env.observation_space
+        entries = getattr(space, "spaces", space)
+        return _picked(entries, self._joints, "low"), _picked(entries, self._joints, "high")
+
+    def _found_actions(self, kind: str | None, span: np.ndarray) -> Actions:
+        """What actions do, found out by moving a little; `(J,)` is the range of the joints."""
+        space = self._env.action_space
+        if not hasattr(space, "low") or len(space.shape) != 1:
+            raise BodyError(f"the action space is {shown(space)}; only Box(n,) can be used")
+        return find_actions(
+            self._trial,
+            space.low.astype(float),
+            space.high.astype(float),
+            np.where(np.isfinite(span) & (span > 0), span, _UNKNOWN_RANGE),
+            self.joint_names,
+            self._step_s,
+            cast("Kind | None", kind),
+        )
+
     def _go(self, posture: np.ndarray) -> bool:
-        """Whether it is there and still."""
+        """Goes to a posture `(J,)`; returns whether the body is there and still."""
         if self._set_posture is not None:
             observation = self._set_posture(posture)
             if observation is not None:
@@ -182,8 +194,22 @@ class GymnasiumBody:
         return False
 
     def _travel(self, goal: np.ndarray) -> bool:
+        """Travels to a posture `(J,)`; returns whether the body is there and still."""
         assert self._drive is not None
-        start, correction = self._q, self._drive.correction
+        correction = self._drive.correction
+        blocked = not self._approach(goal)
+        if blocked:
+            # What is in the way is not pressed harder.
+            goal, self._drive.correction = self._q, correction
+        if self._settle(goal, anywhere=blocked):
+            return not blocked
+        self._drive.correction = correction
+        return False
+
+    def _approach(self, goal: np.ndarray) -> bool:
+        """Moves to a posture with least jerk; returns whether nothing was in the way."""
+        assert self._drive is not None
+        start = self._q
         way = goal - start
         duration = (_PEAK * np.abs(way) / (_SLOW * self.velocity)).max()
         num_steps = int(np.ceil(duration / self._step_s))
@@ -191,21 +217,24 @@ class GymnasiumBody:
             s = step / num_steps
             share, rate = s**3 * (10 - 15 * s + 6 * s * s), 30 * (s * (1 - s)) ** 2
             target = start + share * way
-            self._step(self._drive.action(self._q, target, rate / (duration or 1.0) * way))
+            speed = rate / (duration or 1.0) * way
+            self._step(self._drive.action(self._q, target, speed))
             if (np.abs(target - self._q) > self._blocked).any():
-                # What is in the way is not pressed harder.
-                goal, self._drive.correction = self._q, correction
-                break
-        blocked, before, nothing = goal is self._q, self._q, np.zeros_like(goal)
+                return False
+        return True
+
+    def _settle(self, goal: np.ndarray, *, anywhere: bool) -> bool:
+        """Holds a posture; returns whether the body became still, there or `anywhere`."""
+        assert self._drive is not None
+        before, nothing = self._q, np.zeros_like(goal)
         watched = max(1, round(_STILL_S / self._step_s))
         for step in range(1, round(_SETTLED_S / self._step_s) + 1):
             self._step(self._drive.action(self._q, goal, nothing))
             if step % watched == 0:
                 still = (np.abs(self._q - before) < self._still).all()
-                if still and (blocked or (np.abs(self._q - goal) < self._near).all()):
-                    return not blocked
+                if still and (anywhere or (np.abs(self._q - goal) < self._near).all()):
+                    return True
                 before = self._q
-        self._drive.correction = correction
         return False
 
     def _trial(self, actions: np.ndarray) -> np.ndarray:
@@ -276,18 +305,24 @@ def body_from_settings(settings: GymnasiumSettings) -> GymnasiumBody:
     return GymnasiumBody(env, **{name: getattr(settings, name) for name in others})
 
 
+def _require_limits(name: str, bound: np.ndarray, num_joints: int) -> None:
+    """Raises a `BodyError` if joints have no finite limits."""
+    if bound.shape != (num_joints,) or not np.isfinite(bound).all():
+        raise BodyError(
+            f"{name} is {shown(bound.tolist())}: the space of the observation does not "
+            f"limit the joints; give `{name}`, {num_joints} numbers"
+        )
+
+
 def _picked(observation: Any, where: str | Sequence[int], attribute: str | None = None) -> Any:
     """`(n,)` numbers of an observation, or of an attribute of its space."""
     entries: Any = observation
     numbers: Any = where
     if isinstance(where, str):
+        # A key, a slice, or both, as in `qpos[7:19]`.
         key, part = cast("re.Match", re.fullmatch(r"(.*?)(?:\[?(-?\d*:-?\d*)\]?)?", where)).groups()
         if key:
-            if not hasattr(observation, "keys") or key not in observation:
-                known = list(observation.keys()) if hasattr(observation, "keys") else []
-                hint = closest(key, known) or f"it has {', '.join(known) or 'no named entries'}"
-                raise BodyError(f"the observation has no {shown(key)}; {hint}")
-            entries = observation[key]
+            entries = _entry(observation, key)
         numbers = slice(*(int(n) if n else None for n in part.split(":"))) if part else slice(None)
     elif hasattr(observation, "keys"):
         raise BodyError(
@@ -303,9 +338,19 @@ def _picked(observation: Any, where: str | Sequence[int], attribute: str | None 
         ) from None
 
 
+def _entry(observation: Any, key: str) -> Any:
+    """The entry of an observation with this key."""
+    known = list(observation.keys()) if hasattr(observation, "keys") else []
+    if key not in known:
+        hint = closest(key, known) or f"it has {', '.join(known) or 'no named entries'}"
+        raise BodyError(f"the observation has no {shown(key)}; {hint}")
+    return observation[key]
+
+
 def _setter(
     env: Any, set_posture: Callable[[np.ndarray], Any] | str | None, option: str | None
 ) -> Callable[[np.ndarray], Any] | None:
+    """Puts the environment into a posture and returns an observation; None if nothing does."""
     if option is not None:
         return lambda q: env.reset(options={option: q})[0]
     if isinstance(set_posture, str):
@@ -317,6 +362,7 @@ def _setter(
 
 
 def _step_s(env: Any) -> float:
+    """The seconds of a step, as the environment says."""
     found = getattr(env.unwrapped, "dt", None)
     fps = env.metadata.get("render_fps")
     if found is None and not fps:

@@ -158,7 +158,7 @@ def tracking_in_words(execution: "Execution", world: "World | None") -> str:
     if world is None:  # the body has units of its own
         return f"{_root_mean_square(off):.2g}"
     # Joints that have slipped do not read it.
-    off = off - world.simulation.slip
+    off = off - world.slip
     turns = world.robot.turns
     words = []
     for joints, unit in ((turns, "mrad"), (~turns, "mm")):

@@ -10,14 +10,16 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Space
+from pydrake.geometry import Meshcat
 
 from selftouch_drake.envs.postures import possible_posture
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.robot import Simulation, Touches, World
+from selftouch_drake.robot import Touches, World
 from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.robot.models import one_line
-from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
+from selftouch_drake.show.meshcat.stage import Stage, open_meshcat
 from selftouch_drake.show.page.robot_pictures import PostureCamera
+from selftouch_drake.systems.simulation import Simulation
 
 # s between actions: four times as often as a person corrects a movement.
 PERIOD_S = 0.05
@@ -167,15 +169,14 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Shows the robot and its sensation; `(height, width, 3)` uint8 for `rgb_array`."""
-        q, felt = self._simulation.q, self._felt
         if self.render_mode == "rgb_array":
-            return self._camera.picture(q, felt)
+            return self._camera.picture(self._simulation.q, self._felt)
         if self.render_mode == "human":
             # No faster than the clock.
             now = time.monotonic()
             time.sleep(max(self._due - now, 0.0))
             self._due = max(now, self._due) + self.period_s
-            self._browser.show(q, felt)
+            self._simulation.show()
         return None
 
     def truth(self) -> Truth:
@@ -281,13 +282,20 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
     @cached_property
     def _simulation(self) -> Simulation:
         with one_line(_REFUSED):
-            return Simulation(self.experiment, self.world.skins, log_period=np.inf)
+            return Simulation(
+                self.experiment,
+                self.world.skins,
+                num_joints=self.world.robot.num_joints,
+                log_period=np.inf,
+                meshcat=self._browser if self.render_mode == "human" else None,
+            )
 
     @cached_property
-    def _browser(self) -> FeelingRobot:
+    def _browser(self) -> Meshcat:
         meshcat = open_meshcat()
         print(f"{self.experiment.name} at {meshcat.web_url()}")  # noqa: T201 - where to look
-        return FeelingRobot(meshcat, self.world)
+        Stage(meshcat, self.world)
+        return meshcat
 
     @cached_property
     def _camera(self) -> PostureCamera:

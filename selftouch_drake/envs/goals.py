@@ -7,8 +7,8 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 
 from selftouch_drake.envs.environment import Observation, SelfTouchEnv
-from selftouch_drake.envs.postures import Contacts, FirmTouches, contacts_of
-from selftouch_drake.robot import LOG_PERIOD
+from selftouch_drake.envs.postures import FirmTouches, TouchingPairs, touching_pairs
+from selftouch_drake.systems.simulation import LOG_PERIOD
 
 #: Likeness at which a sensation counts as the wanted one.
 REACHED = 0.9
@@ -64,12 +64,12 @@ class ReachEnv(SelfTouchEnv):
         return super()._starting_posture(options)
 
     def _wanted(
-        self, options: dict[str, np.ndarray], contacts: Contacts | None = None
+        self, options: dict[str, np.ndarray], pairs: TouchingPairs | None = None
     ) -> np.ndarray:
-        """The goal of an episode; a random one has the given contacts."""
+        """The goal of an episode; in a random one, the given pairs touch."""
         if "goal" in options:
             return unit(options["goal"])
-        _, touches = self._firm_touches.next(self.np_random, contacts)
+        _, touches = self._firm_touches.next(self.np_random, pairs)
         return unit(touches.sensation[0])
 
     @cached_property
@@ -109,9 +109,10 @@ class SlideEnv(ReachEnv):
                 )
         else:
             q, touches = self._firm_touches.next(self.np_random)
-            while len(contacts_of(touches)) > 1:  # hardly ever found a second time, for the goal
+            # A goal with the same several pairs would hardly ever be found.
+            while len(touching_pairs(touches)) > 1:
                 q, touches = self._firm_touches.next(self.np_random)
-        self._goal = self._wanted(options, contacts_of(touches))
+        self._goal = self._wanted(options, touching_pairs(touches))
         return q
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:

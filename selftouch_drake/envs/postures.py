@@ -5,13 +5,13 @@ import numpy as np
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.robot import Touches, World
 
-# Postures per batch: with one touch in thirty, some of them touch.
+# Postures per batch. Of a robot that touches itself in one of thirty, some of them touch.
 _BATCH = 512
-# Number of postures after which the search ends.
+# Number of batches, or of single postures, after which a search gives up.
 _MOST_BATCHES = 400
 
-#: Contacts as pairs of numbers: of a skin and of a toucher.
-Contacts = frozenset[tuple[int, int]]
+#: Which touchers press which skins: pairs of the number of a skin and of a toucher.
+TouchingPairs = frozenset[tuple[int, int]]
 
 
 def possible_posture(world: World, random: np.random.Generator) -> np.ndarray:
@@ -42,13 +42,13 @@ class FirmTouches:
         self._left: list[tuple[np.ndarray, Touches]] = []
 
     def next(
-        self, random: np.random.Generator, contacts: Contacts | None = None
+        self, random: np.random.Generator, pairs: TouchingPairs | None = None
     ) -> tuple[np.ndarray, Touches]:
         """A posture `(J,)` rad or m that the robot can take, and its touches, which are firm.
 
         Args:
             random: source of randomness; a new one decides all postures from now on.
-            contacts: pairs that are to touch; any pairs by default.
+            pairs: those that are to touch, and no others; any by default.
 
         Raises:
             ExperimentError: no such posture was found among very many.
@@ -56,22 +56,28 @@ class FirmTouches:
         if random is not self._random:
             self._random, self._left = random, []
         for _ in range(_MOST_BATCHES):
-            for k, (_, touches) in enumerate(self._left):
-                if contacts is None or contacts_of(touches) == contacts:
-                    return self._left.pop(k)
-            lower, upper = self._world.robot.babbled_range
-            q = random.uniform(lower, upper, (_BATCH, len(lower)))
-            rows, touches = self._world.probe.felt(q)
-            strength = np.linalg.norm(touches.sensation, axis=1)
-            firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
-            firm = firm[~self._world.probe.impossible(q[rows[firm]])]
-            self._left = [(q[rows[k]], touches.of_rows(np.array([k]))) for k in firm]
+            for number, (_, touches) in enumerate(self._left):
+                if pairs is None or touching_pairs(touches) == pairs:
+                    return self._left.pop(number)
+            self._left = self._search(random)
         raise ExperimentError(
             f"none of {_BATCH * _MOST_BATCHES} random postures makes the wanted touch; see what "
             "can touch what with `selftouch robot EXPERIMENT --show`"
         )
 
+    def _search(self, random: np.random.Generator) -> list[tuple[np.ndarray, Touches]]:
+        """The possible postures with firm touches in one batch of random ones."""
+        lower, upper = self._world.robot.babbled_range
+        q = random.uniform(lower, upper, (_BATCH, len(lower)))
+        rows, touches = self._world.probe.felt(q)
+        if not len(rows):
+            return []
+        strength = np.linalg.norm(touches.sensation, axis=1)
+        firm = np.flatnonzero(strength >= np.median(strength))
+        possible = firm[~self._world.probe.impossible(q[rows[firm]])]
+        return [(q[rows[number]], touches.of_rows(np.array([number]))) for number in possible]
 
-def contacts_of(touches: Touches) -> Contacts:
-    """The touching pairs at any of some instants."""
+
+def touching_pairs(touches: Touches) -> TouchingPairs:
+    """The pairs that touch at any of some instants."""
     return frozenset(zip(touches.skin.tolist(), touches.toucher.tolist(), strict=True))

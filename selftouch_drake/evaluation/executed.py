@@ -9,8 +9,9 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.planning.timing import speed_shares
-from selftouch_drake.robot import Log, World
+from selftouch_drake.robot import World
 from selftouch_drake.robot.robot import JointLimits
+from selftouch_drake.systems.simulation import Log
 
 # Rate at which positions are compared with their limits.
 _CHECK_RATE_HZ = 1000.0
@@ -65,7 +66,7 @@ class ExecutionJudge:
         if self._walls is None:
             return None
         robot, motion = self._world.robot, execution.motion
-        q = execution.q_measured - self._world.simulation.slip
+        q = execution.q_measured - self._world.slip
         p_LT = in_link_frames(robot.toucher_positions(q), robot.skin_positions(q))
         off = off_skin(p_LT, np.array(self._radii), self._walls) & motion.touching
         return float(np.sum(off[:-1] * np.diff(motion.time_s)))

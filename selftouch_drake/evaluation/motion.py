@@ -7,10 +7,10 @@ import numpy as np
 
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning.smoothing import polyline
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.quotient.smooth import polyline
 from selftouch_drake.robot import World
 
 # Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows

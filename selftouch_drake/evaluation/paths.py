@@ -10,13 +10,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from selftouch_drake.agent.representation.graphs import geodesics, link_lengths
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.evaluation.shape import LEAST_SINGLE
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.geodesics import surface_paths
 from selftouch_drake.geometry.receptors import ReceptiveFields
 from selftouch_drake.lazy import trimesh
+from selftouch_drake.quotient.links import link_lengths
+from selftouch_drake.quotient.paths import geodesics
 
 #: m, strides in which a path on the true skin is measured. Centres of pressure jump by a millimetre
 #: from one sample to the next; in strides of 3 mm, paths on a torus are 5 % longer.
@@ -51,7 +52,7 @@ class OwnPaths:
 
     def __init__(self, representation: QuotientRepresentation):
         edges, self._targets = representation.edges, representation.target_sensations
-        length = link_lengths(representation, edges)
+        length = link_lengths(self._targets, edges)
         self._along = geodesics(edges, length, len(self._targets))
 
     def over_shortest(self, felt: np.ndarray) -> float | None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from selftouch_drake.experience.store import (
     shards_of,
     write_shard,
 )
-from selftouch_drake.experience.walk import RandomWalk, Walker, strides, walk_range
+from selftouch_drake.experience.walk import Joints, RandomWalk, Walker, strides, walk_range
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import remove_unfinished
 
@@ -28,6 +28,15 @@ PATIENCE = 2_000_000
 
 #: Number of touches in a first round of the active strategy; later, as a share of all so far.
 _FIRST_ROUND, _ROUND_GROWS = 250, 0.1
+
+
+@runtime_checkable
+class BabblingBody(Protocol):
+    """A body that leads itself along the random walks of its experiment."""
+
+    def babble(self, walk: int) -> Callable[[], Felt]:
+        """Begins a walk by its number; each call of what is returned goes on, and feels."""
+        ...
 
 
 class NeverTouchesError(ValueError):
@@ -52,7 +61,7 @@ def walk_sizes(experiment: Experiment) -> list[int]:
     return sizes
 
 
-def random_walk(experiment: Experiment, body: Body, walk: int) -> RandomWalk:
+def random_walk(experiment: Experiment, body: Joints, walk: int) -> RandomWalk:
     """Walk number `walk` of an experiment, in the range in which its body babbles."""
     babbling, (lower, upper) = experiment.babbling, walk_range(body)
     return RandomWalk(
@@ -75,19 +84,24 @@ def collect_walk(
 ) -> Shard:
     """Walks until `num_rows` touching configurations that the body can take are found.
 
-    After `most_s` s of the body's own time, the walk ends with what it has.
+    After `most_s` s of the body's own time, the walk ends with what it has. A body that can
+    `babble` leads itself along the same walk.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
-    walker, path = walker_of(experiment, body), random_walk(experiment, body, walk)
-    if walker.timed:
-        walker.begin_at(path.steps(1)[0])
+    if isinstance(body, BabblingBody):
+        next_steps = body.babble(walk)
+    else:
+        walker, path = walker_of(experiment, body), random_walk(experiment, body, walk)
+        if walker.timed:
+            walker.begin_at(path.steps(1)[0])
+
+        def next_steps() -> Felt:
+            return walker.walk(path.steps(walker.batch))
 
     try:
-        return keep_touches(
-            lambda: walker.walk(path.steps(walker.batch)), body, walk, num_rows, most_s
-        )
+        return keep_touches(next_steps, body, walk, num_rows, most_s)
     except NeverTouchesError as error:
         # Thresholds of skins may be the reason as well.
         thresholds = "".join(

@@ -26,11 +26,11 @@ from selftouch_drake.agent.lifelong.explorer import (
 )
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
-from selftouch_drake.agent.representation.graphs import DisconnectedWarning
 from selftouch_drake.experience.collect import keep_touches, stored_walks, time_left, walker_of
 from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard
 from selftouch_drake.experience.walk import CHOICE_S, strides, walk_range
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.quotient.graph import DisconnectedWarning
 
 #: Number of target sensations, and most touches of each, that the agent uses while it explores a
 #: body that stays as it is. The learn stage and a life have their own numbers.

@@ -1,14 +1,19 @@
 """Random walks in motor space, and who leads a body along them."""
 
+import threading
+from typing import Protocol
+
 import numpy as np
 
 from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.compiled import compiled
 
+# Nodes by which the pieces of a walk grow, at least; then they double.
+_GROWS = 256
 # Steps in one batch: large enough for numpy, small in memory.
 _BATCH = 4096
 # s of one batch of a timed walk, and between two configurations that an agent chooses.
-_BATCH_S, CHOICE_S = 10.0, 0.02
+BATCH_S, CHOICE_S = 10.0, 0.02
 
 
 class RandomWalk:
@@ -63,14 +68,91 @@ def _walk(q, persistence, velocity, unfolded, lower, width):
             q[n, j] = lower[j] + min(folded, 2 * width[j] - folded)
 
 
-def walk_range(body: Body) -> tuple[np.ndarray, np.ndarray]:
+class StraightPieces:
+    """The straight pieces between the nodes of a walk, over time.
+
+    They grow as far as they are asked for, and depend on nothing but the arguments.
+
+    Args:
+        walk: at its beginning; nobody else may take steps of it.
+        duration: s, of a piece.
+        velocity: `(J,)` rad/s or m/s: a piece lasts so many durations that no joint is faster.
+    """
+
+    def __init__(self, walk: RandomWalk, *, duration: float, velocity: np.ndarray | None = None):
+        self._walk, self._duration, self._velocity = walk, duration, velocity
+        self._lock = threading.Lock()
+        # `(N,)` s and `(N, J)` of the nodes, and `(N - 1, J)` rates of the pieces between them.
+        nodes = walk.steps(1)
+        self._pieces = np.zeros(1), nodes, np.zeros((0, nodes.shape[1]))
+
+    def nodes(self, num_nodes: int) -> np.ndarray:
+        """`(num_nodes, J)` rad or m, the first nodes."""
+        while len(self._pieces[1]) < num_nodes:
+            self._grow(len(self._pieces[1]))
+        return self._pieces[1][:num_nodes]
+
+    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """`(J,)` where the walk is at a time from 0 on, and `(J,)` its rate."""
+        times, nodes, rates = self._pieces
+        while times[-1] <= time_s:
+            self._grow(len(times))
+            times, nodes, rates = self._pieces
+        piece = times.searchsorted(time_s, side="right") - 1
+        return nodes[piece] + (time_s - times[piece]) * rates[piece], rates[piece]
+
+    def _grow(self, num_known: int) -> None:
+        with self._lock:
+            times, nodes, _ = self._pieces
+            if len(times) > num_known:
+                return  # another thread was first
+            nodes = np.concatenate([nodes, self._walk.steps(max(_GROWS, len(nodes)))])
+            lasting = durations(nodes, self._duration, self._velocity)
+            if self._velocity is None:
+                times = self._duration * np.arange(len(nodes))  # which does not drift
+            else:
+                times = np.append(0.0, lasting.cumsum())
+            self._pieces = times, nodes, np.diff(nodes, axis=0) / np.diff(times)[:, None]
+
+
+def durations(path: np.ndarray, duration: float, velocity: np.ndarray | None) -> np.ndarray:
+    """`(n - 1,)` s of the pieces of a path `(n, J)`: whole durations, so that no joint is faster.
+
+    Without `(J,)` velocities, one duration each.
+    """
+    if velocity is None:
+        return np.full(len(path) - 1, duration)
+    needs = (np.abs(np.diff(path, axis=0)) / velocity).max(axis=1)
+    return duration * np.ceil(needs / duration).clip(1.0)
+
+
+class Joints(Protocol):
+    """Joints that babble: a body has them, and a robot.
+
+    Attributes:
+        lower: `(J,)` lower limits, in the body's own units; infinite where a joint has none.
+        upper: `(J,)` upper limits.
+    """
+
+    @property
+    def lower(self) -> np.ndarray:
+        """As above."""
+        ...
+
+    @property
+    def upper(self) -> np.ndarray:
+        """As above."""
+        ...
+
+
+def walk_range(body: Joints) -> tuple[np.ndarray, np.ndarray]:
     """`(J,)` and `(J,)`: where a body babbles, one turn where a joint has no limits."""
     start = np.where(np.isfinite(body.upper), body.upper - 2 * np.pi, -np.pi)
     start = np.where(np.isfinite(body.lower), body.lower, start)
     return start, np.where(np.isfinite(body.upper), body.upper, start + 2 * np.pi)
 
 
-def strides(body: Body, step_size: float) -> np.ndarray:
+def strides(body: Joints, step_size: float) -> np.ndarray:
     """`(J,)` the step of each joint, in the body's units, if a revolute one steps `step_size` rad.
 
     A body may say in `unit` `(J,)` how far each joint moves where a revolute one turns by a radian;
@@ -88,7 +170,7 @@ class Walker:
         self.timed = timed or not body.jumps
         self._step_duration = step_duration
         #: Number of steps after which a walk looks at what it felt.
-        self.batch = max(1, round(_BATCH_S / step_duration)) if self.timed else _BATCH
+        self.batch = max(1, round(BATCH_S / step_duration)) if self.timed else _BATCH
         self._at: np.ndarray | None = None
 
     def begin_at(self, q: np.ndarray) -> None:
@@ -108,9 +190,7 @@ class Walker:
             return self.body.feel(path)
         if self.body.jumps:
             return self.body.follow(duration * np.arange(len(path)), path).felt()
-        # No joint is asked to be faster than it may.
-        needs = (np.abs(np.diff(path, axis=0)) / self.body.velocity).max(axis=1)
-        steps = duration * np.ceil(needs / duration).clip(1.0)
+        steps = durations(path, duration, self.body.velocity)
         followed = self.body.follow(np.append(0.0, steps.cumsum()), path)
         # Where it begins has been felt before.
         return followed.felt().of_rows(np.flatnonzero(followed.time_s > 0.0))

@@ -23,8 +23,12 @@ _CLOUD = {f"normal_{axis}": f"n{axis}" for axis in "xyz"}
 _TYPES = {"F": "f", "I": "i", "U": "u"}
 # After this line, YARP's files have numbers without names.
 _YARP = "[calibration]"
-# Most rows that an error names; the distance in m below which two receptors are one.
-_SHOWN, _SAME = 6, 1e-6
+# Fewest receptors of a skin.
+_FEWEST = 4
+# Most rows that an error names.
+_SHOWN = 6
+# m; two receptors that are nearer to each other are at one place.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,43 +78,8 @@ def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
     if (read := _READERS.get(Path(file).suffix)) is None:
         raise ValueError(f"{file} has none of the endings {', '.join(_READERS)}; give one of these")
     try:
-        columns = dict(read(Path(file)))
-        missing = [name for name in _PLACE if name not in columns]
-        if missing:
-            known = ", ".join(name for name in columns if name != "row") or "none"
-            raise ValueError(f"has no column {', '.join(missing)}, but {known}; name them x, y, z")
-        label = [str(row) for row in columns.get("row", range(len(columns["x"])))]
-        if "name" in columns:
-            label = [f"{row} ({name})" for row, name in zip(label, columns["name"], strict=True)]
-        numbers = {name: np.array(columns[name], float) for name in _USUAL if name in columns}
-        normal = None
-        if all(name in numbers for name in _NORMAL):
-            normal = np.stack([numbers[name] for name in _NORMAL], axis=1)
-            normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        table = ReceptorTable(
-            p_LS=scale * np.stack([numbers[name] for name in _PLACE], axis=1),
-            normal=normal,
-            width=scale * numbers["width"] if "width" in numbers else None,
-            group=np.unique(columns["group"], return_inverse=True)[1]
-            if "group" in columns
-            else None,
-            label=label,
-        )
-        for what, valid in (
-            ("a place that is not finite", np.isfinite(table.p_LS).all(axis=1)),
-            ("a width that is not above 0", table.width is None or table.width > 0),
-        ):
-            if not np.all(valid):
-                raise ValueError(f"has {what} in {table.those(np.flatnonzero(~valid))}; correct it")
-        if len(table.p_LS) < 4:
-            raise ValueError(f"has {len(table.p_LS)} receptors; give at least 4")
-        # Lists of experiments do without.
-        from scipy.spatial import cKDTree
-
-        if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
-            more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
-            both = table.those(doubled[0])
-            raise ValueError(f"has {both} at one place{more}; leave one of them out")
+        table = _table_of(dict(read(Path(file))), scale)
+        _check(table)
     except OSError as error:
         raise ValueError(f"{file} cannot be read: {error.strerror or error}") from None
     except KeyError as error:
@@ -120,17 +89,66 @@ def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
     return table
 
 
+def _table_of(columns: Mapping[str, Any], scale: float) -> ReceptorTable:
+    """The receptors that named columns describe; `scale` is metres per unit of length."""
+    if missing := [name for name in _PLACE if name not in columns]:
+        known = ", ".join(name for name in columns if name != "row") or "none"
+        raise ValueError(f"has no column {', '.join(missing)}, but {known}; name them x, y, z")
+    numbers = {name: np.array(columns[name], float) for name in _USUAL if name in columns}
+    normal = None
+    if all(name in numbers for name in _NORMAL):
+        normal = np.stack([numbers[name] for name in _NORMAL], axis=1)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    group = None
+    if "group" in columns:
+        _, group = np.unique(columns["group"], return_inverse=True)
+    return ReceptorTable(
+        p_LS=scale * np.stack([numbers[name] for name in _PLACE], axis=1),
+        normal=normal,
+        width=scale * numbers["width"] if "width" in numbers else None,
+        group=group,
+        label=_labels(columns),
+    )
+
+
+def _labels(columns: Mapping[str, Any]) -> list[str]:
+    """How errors call each receptor: by its row, and by its name if there are names."""
+    rows = [str(row) for row in columns.get("row", range(len(columns["x"])))]
+    if "name" not in columns:
+        return rows
+    return [f"{row} ({name})" for row, name in zip(rows, columns["name"], strict=True)]
+
+
+def _check(table: ReceptorTable) -> None:
+    """Raises a ValueError if receptors cannot be where, or as wide as, a file says."""
+    finite = np.isfinite(table.p_LS).all(axis=1)
+    if not finite.all():
+        wrong = table.those(np.flatnonzero(~finite))
+        raise ValueError(f"has a place that is not finite in {wrong}; correct it")
+    if table.width is not None and not (table.width > 0).all():
+        wrong = table.those(np.flatnonzero(~(table.width > 0)))
+        raise ValueError(f"has a width that is not above 0 in {wrong}; correct it")
+    if len(table.p_LS) < _FEWEST:
+        raise ValueError(f"has {len(table.p_LS)} receptors; give at least {_FEWEST}")
+    # Imported here, because commands that only list experiments do not need it.
+    from scipy.spatial import cKDTree
+
+    if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
+        more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
+        both = table.those(doubled[0])
+        raise ValueError(f"has {both} at one place{more}; leave one of them out")
+
+
 def _from_text(path: Path) -> Mapping[str, Any]:
+    """Columns of a table in text, with the number of the line of each row as `row`."""
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     start = lines.index(_YARP) + 1 if _YARP in lines else 0
-    split = csv.reader(lines) if path.suffix == ".csv" else map(str.split, lines)
-    rows = {n: row for n, row in enumerate(split, 1) if n > start and any(row)}
-    rows = {n: [cell.strip() for cell in row] for n, row in rows.items() if row[0][:1] != "#"}
+    rows = _rows_of(lines, path.suffix, start)
     if start:
-        rows = {n: row[:3] for n, row in rows.items() if any(float(cell) for cell in row[:3])}
+        rows = _taxels_of_yarp(rows)
     first = next(iter(rows), 0)
     names = rows.get(first, [])
-    if names and names[0].lstrip("+-.")[:1].isdigit():
+    if _is_number(names):
         names = _USUAL[: len(names)] if len(names) in (3, 6, 7) else []
     else:
         rows.pop(first, None)
@@ -140,7 +158,33 @@ def _from_text(path: Path) -> Mapping[str, Any]:
     return {"row": list(rows)} | dict(zip(names, zip(*rows.values(), strict=True), strict=False))
 
 
+def _rows_of(lines: Sequence[str], suffix: str, start: int) -> dict[int, list[str]]:
+    """The cells of each line after the first `start`, by its number; comments are left out."""
+    split = csv.reader(lines) if suffix == ".csv" else map(str.split, lines)
+    rows = {}
+    for number, row in enumerate(split, 1):
+        if number > start and any(row) and not row[0].startswith("#"):
+            rows[number] = [cell.strip() for cell in row]
+    return rows
+
+
+def _taxels_of_yarp(rows: Mapping[int, Sequence[str]]) -> dict[int, list[str]]:
+    """The places in the rows of a file of YARP: rows of zeros stand for no taxel."""
+    places = {number: list(row[:3]) for number, row in rows.items()}
+    return {
+        number: place
+        for number, place in places.items()
+        if any(float(coordinate) for coordinate in place)
+    }
+
+
+def _is_number(row: Sequence[str]) -> bool:
+    """Whether the first cell of a row begins as a number does."""
+    return bool(row) and row[0].lstrip("+-.")[:1].isdigit()
+
+
 def _from_npz(path: Path) -> Mapping[str, Any]:
+    """Columns of an archive; `positions` and `normals` are three each."""
     if not is_zipfile(path):
         raise ValueError("is no archive of arrays; save it by numpy.savez")
     columns = dict[str, Any]()
@@ -152,16 +196,17 @@ def _from_npz(path: Path) -> Mapping[str, Any]:
 
 
 def _from_pcd(path: Path) -> Mapping[str, Any]:
+    """Columns of a point cloud, one for each of its fields."""
     head, _, rest = path.read_bytes().partition(b"\nDATA ")
     how, _, body = rest.partition(b"\n")
-    words = (line.split() for line in head.decode("ascii", "replace").splitlines())
-    said = {word[0]: word[1:] for word in words if word}
-    kinds = zip(said["FIELDS"], said["TYPE"], said["SIZE"], strict=True)
+    entries = (line.split() for line in head.decode("ascii", "replace").splitlines())
+    header = {entry[0]: entry[1:] for entry in entries if entry}
+    kinds = zip(header["FIELDS"], header["TYPE"], header["SIZE"], strict=True)
     types = np.dtype([(_CLOUD.get(name, name), _TYPES[kind] + size) for name, kind, size in kinds])
     if how.strip() == b"ascii":
         points = np.loadtxt(body.decode("ascii").splitlines(), types, ndmin=1)
     elif how.strip() == b"binary":
-        points = np.frombuffer(body, types, int(said["POINTS"][0]))
+        points = np.frombuffer(body, types, int(header["POINTS"][0]))
     else:
         raise ValueError(f"is {how.decode('ascii', 'replace')!r}; save it as ascii or binary")
     return {name: points[name] for name in types.names or ()}

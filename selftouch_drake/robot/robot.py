@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation, SceneGraph
 from pydrake.multibody.plant import ContactModel, DiscreteContactApproximation, MultibodyPlant
-from pydrake.multibody.tree import Joint, PdControllerGains
+from pydrake.multibody.tree import Joint, PdControllerGains, RevoluteJoint
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.experiment.schema import ExecutionSettings
-from selftouch_drake.robot.joints import change_joints, fix_joints
+from selftouch_drake.robot.changes import change_joints
+from selftouch_drake.robot.joints import fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import scoped_name
 from selftouch_drake.robot.models import load_model, parse
@@ -24,8 +25,8 @@ from selftouch_drake.robot.pairs import (
     rigid_pairs,
     touching_pairs,
 )
+from selftouch_drake.robot.skin_registration import RegisterSkin
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.tactile_skin import RegisterSkin
 from selftouch_drake.robot.touchers import add_toucher
 
 # rad, how far babbling turns a joint that turns without limits.
@@ -88,10 +89,7 @@ class Robot:
     @property
     def babbled_range(self) -> tuple[np.ndarray, np.ndarray]:
         """`(J,)` and `(J,)`: where babbling stays, one turn where a joint has no limits."""
-        lower, upper = self.lower, self.upper
-        start = np.where(np.isfinite(upper), upper - TURN, -TURN / 2)
-        start = np.where(np.isfinite(lower), lower, start)
-        return start, np.where(np.isfinite(upper), upper, start + TURN)
+        return babbled_range(self.lower, self.upper)
 
     def skin_positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, skins, 3, 4)` poses of the links that wear skins at `q` `(N, J)`."""
@@ -100,6 +98,55 @@ class Robot:
     def toucher_positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, touchers, 3)` m, the touchers' frames in the world at `q` `(N, J)`."""
         return self.kinematics.poses(q)[:, len(self.skins) :, :, 3]
+
+
+def babbled_range(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(J,)` and `(J,)`: where joints with `(J,)` limits babble, one turn where they have none."""
+    start = np.where(np.isfinite(upper), upper - TURN, -TURN / 2)
+    start = np.where(np.isfinite(lower), lower, start)
+    return start, np.where(np.isfinite(upper), upper, start + TURN)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BabblingJoints:
+    """What babbling must know of a robot's joints, without its skins.
+
+    Attributes:
+        lower: `(J,)` rad or m, lower joint limits; infinite where a joint has none.
+        upper: `(J,)` rad or m, upper joint limits.
+        unit: `(J,)` how far a joint moves where a revolute one turns by a radian: a sliding joint
+            crosses its range in the time in which a revolute joint turns once.
+        velocity: `(J,)` rad/s or m/s, how fast each may be.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    unit: np.ndarray
+    velocity: np.ndarray
+
+    @staticmethod
+    def of_plant(plant: MultibodyPlant, experiment: Experiment) -> "BabblingJoints":
+        """The joints of a finalized plant."""
+        lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+        turns = np.array([isinstance(joint, RevoluteJoint) for joint, *_ in joint_tree(plant)])
+        low, high = babbled_range(lower, upper)
+        return BabblingJoints(
+            lower=lower,
+            upper=upper,
+            unit=np.where(turns, 1.0, (high - low) / TURN),
+            velocity=_tighter(plant.GetVelocityUpperLimits(), experiment.execution.max_velocity),
+        )
+
+    @staticmethod
+    def of(experiment: Experiment) -> "BabblingJoints":
+        """The joints of the robot of an experiment, which takes no time for its skins.
+
+        Raises:
+            ExperimentError: as of `MakeRobot`.
+        """
+        plant = _make_plant(experiment)
+        plant.Finalize()
+        return BabblingJoints.of_plant(plant, experiment)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -158,19 +205,7 @@ def MakeRobot(
         ExperimentError: the experiment names what the robot does not have, or a joint that cannot
             move; nothing can touch a skin.
     """
-    plant = MultibodyPlant(time_step=experiment.execution.time_step)
-    plant.set_name("plant")
-    plant.set_contact_model(ContactModel.kHydroelasticWithFallback)
-    plant.set_contact_surface_representation(HydroelasticContactRepresentation.kPolygon)
-    # Peak forces are a third of those of SAP, and contact is held as well.
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
-    # Contact results and state of one instant, so that (q, sensation) is a pair.
-    plant.SetUseSampledOutputPorts(False)
-    plant.RegisterAsSourceForSceneGraph(scene_graph)
-    model = load_model(experiment.robot.directives, experiment.robot.packages)
-    parse(plant, model)
-    change_joints(plant, experiment)
-    fix_joints(plant, experiment, model)
+    plant = _make_plant(experiment, scene_graph)
     own = own_geometries(plant, scene_graph)
 
     worn = [RegisterSkin(plant, skin, visible=False, soft=soft) for skin in skins]
@@ -198,3 +233,22 @@ def MakeRobot(
         rigid_pairs=rigid,
         kinematics=Kinematics.of(plant, frames),
     )
+
+
+def _make_plant(experiment: Experiment, scene_graph: SceneGraph | None = None) -> MultibodyPlant:
+    """The links and the moving joints of an experiment, before the plant is finalized."""
+    plant = MultibodyPlant(time_step=experiment.execution.time_step)
+    plant.set_name("plant")
+    plant.set_contact_model(ContactModel.kHydroelasticWithFallback)
+    plant.set_contact_surface_representation(HydroelasticContactRepresentation.kPolygon)
+    # Peak forces are a third of those of SAP, and contact is held as well.
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+    # Contact results and state of one instant, so that (q, sensation) is a pair.
+    plant.SetUseSampledOutputPorts(False)
+    if scene_graph is not None:
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+    model = load_model(experiment.robot.directives, experiment.robot.packages)
+    parse(plant, model)
+    change_joints(plant, experiment)
+    fix_joints(plant, experiment, model)
+    return plant

@@ -30,7 +30,7 @@ from selftouch_drake.geometry.receptors import (
 )
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.randomness import random_stream
-from selftouch_drake.robot.joints import skin_motion
+from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
 

@@ -25,7 +25,7 @@ from pydrake.multibody.tree import FrameIndex, RigidBody
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.geometry.closing import closed_surface
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot.joints import frame_after
+from selftouch_drake.robot.changes import frame_after
 from selftouch_drake.robot.links import FRICTION, as_mesh, find_link, find_named, in_memory
 from selftouch_drake.robot.pairs import OwnGeometries, Toucher, WornSkin
 

@@ -6,8 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation, QueryObject, SceneGraph
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.broadphase import BroadPhase
@@ -15,9 +13,8 @@ from selftouch_drake.robot.collisions import CollisionCheck
 from selftouch_drake.robot.contact import SensorModel, Touches
 from selftouch_drake.robot.faces import Faces
 from selftouch_drake.robot.hydroelastic import RigidTouchers
-from selftouch_drake.robot.imperfections import ImperfectSkins
+from selftouch_drake.robot.imperfections import ImperfectSkins, slip
 from selftouch_drake.robot.robot import JointLimits, MakeRobot, Robot
-from selftouch_drake.robot.simulation import Simulation
 from selftouch_drake.robot.skins import SkinModel, make_skins
 
 
@@ -25,27 +22,21 @@ class Postures:
     """Drake's view of a robot at one configuration after another; arguments as of `MakeRobot`."""
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
-        builder = DiagramBuilder()
-        scene_graph = builder.AddSystem(SceneGraph())
+        scene_graph = SceneGraph()
         self.robot = MakeRobot(experiment, skins, scene_graph, soft=True)
-        plant = self.robot.plant
-        to_pose = builder.AddSystem(MultibodyPositionToGeometryPose(plant))
-        builder.Connect(
-            to_pose.get_output_port(), scene_graph.get_source_pose_port(plant.get_source_id())
-        )
-        builder.ExportInput(to_pose.get_input_port(), "q")
-        builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
-        self._diagram = builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
-        self._q = self._diagram.get_input_port().FixValue(
-            self._context, np.zeros(self.robot.num_joints)
-        )
+        self._plant, self._scene_graph = self.robot.plant, scene_graph
+        self._plant_context = self._plant.CreateDefaultContext()
+        self._context = scene_graph.CreateDefaultContext()
+        source_id = self._plant.get_source_id()
+        assert source_id is not None  # MakeRobot registers the plant
+        self._poses = scene_graph.get_source_pose_port(source_id)
 
     def query(self, q: np.ndarray) -> QueryObject:
         """Drake's query object at `(J,)` q; good until the next call."""
-        # Reading mutable data marks the context as changed.
-        self._q.GetMutableData().get_mutable_value().SetFromVector(q)
-        return self._diagram.get_output_port().Eval(self._context)
+        self._plant.SetPositions(self._plant_context, q)
+        poses = self._plant.get_geometry_pose_output_port().Eval(self._plant_context)
+        self._poses.FixValue(self._context, poses)
+        return self._scene_graph.get_query_output_port().Eval(self._context)
 
 
 class ContactProbe:
@@ -142,7 +133,7 @@ class ContactProbe:
 
 
 class World:
-    """Skins, contact without dynamics, and the simulation of one experiment."""
+    """Skins, contact without dynamics, and the limits of one experiment."""
 
     def __init__(self, experiment: Experiment):
         self.experiment = experiment
@@ -174,6 +165,6 @@ class World:
         return JointLimits.of(self.robot, self.experiment.execution)
 
     @cached_property
-    def simulation(self) -> Simulation:
-        """The simulation in which plans are executed."""
-        return Simulation(self.experiment, self.skins)
+    def slip(self) -> np.ndarray:
+        """`(J,)` rad or m, by how much joints read more than their true position when they act."""
+        return slip(self.experiment, self.robot.num_joints)

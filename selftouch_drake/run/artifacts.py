@@ -19,7 +19,7 @@ from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation.graphs import to_networkx, without_vectors
-from selftouch_drake.agent.representation.kernels import kernel_sensations
+from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
@@ -293,9 +293,9 @@ def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
 def _part_from(
     arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
 ) -> "RecoveredPart":
-    from selftouch_drake.agent.shape.embedding import Embedding
-    from selftouch_drake.agent.shape.homology import Topology
     from selftouch_drake.agent.shape.recovery import RecoveredPart
+    from selftouch_drake.quotient.holes import Topology
+    from selftouch_drake.quotient.layout import Embedding
 
     prefix = _prefix(number)
     of = {

@@ -19,6 +19,10 @@ from selftouch_drake.files import content_digest
 # The fields of `execution` that decide how the joints follow the walk.
 _CONTROLLER = ("time_step", "stiffness", "damping")
 
+# Fields that older versions did not know, with their defaults.
+_NEWER_OF_SKINS = {"receptors": None, "reading": dataclasses.asdict(Reading())}
+_NEWER_OF_BABBLING = {"strategy": "random", "jumps": True, "robot_hours": None, "seek": "receptors"}
+
 #: SHA-256 of the content of each file that decides the robot and its skins, by its path.
 Digests = Mapping[str, str]
 
@@ -48,22 +52,15 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     controllers do. The digests are those of `model_digests`.
     """
     fields = dataclasses.asdict(experiment)
-    for (name, part, field), file in _skin_files(experiment).items():
-        fields["skins"][name][part][field] = digests.get(str(file))
-    newer = {"receptors": None, "reading": dataclasses.asdict(Reading())}
-    for skin in fields["skins"].values():
-        for name in newer:
-            if skin[name] == newer[name]:
-                del skin[name]  # older runs know no other
-    kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
-    usual = {"strategy": "random", "jumps": True, "robot_hours": None, "seek": "receptors"}
-    for name, value in usual.items():
-        if kept["babbling"][name] == value:
-            del kept["babbling"][name]  # likewise
-    kept["models"] = list(digests.values())
-    kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}
-    # Their order counts: that of the readings in a sensation, and of the numbers in the truth.
-    kept |= {key: list(fields[key].items()) for key in ("skins", "touching")}
+    kept: dict[str, Any] = {
+        "seed": fields["seed"],
+        "babbling": _without_defaults(fields["babbling"], _NEWER_OF_BABBLING),
+        "models": list(digests.values()),
+        "robot": {key: fields["robot"][key] for key in ("joints", "collision_depth")},
+        # Their order counts: that of the readings in a sensation, and of the numbers in the truth.
+        "skins": list(_skins(experiment, fields["skins"], digests).items()),
+        "touching": list(fields["touching"].items()),
+    }
     if experiment.imported is not None:
         kept["imported"] = experiment.imported.content
     for name, path in (("python", "file"), ("gymnasium", "env")):
@@ -78,6 +75,22 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     if experiment.babbling.mode == "dynamic":
         kept["controller"] = {key: fields["execution"][key] for key in _CONTROLLER}
     return fingerprint_of(kept)
+
+
+def _skins(
+    experiment: Experiment, skins: dict[str, dict[str, Any]], digests: Digests
+) -> dict[str, dict[str, Any]]:
+    """The fields of skins, with the digests of their files in the place of their paths."""
+    for (name, part, field), file in _skin_files(experiment).items():
+        skins[name][part][field] = digests.get(str(file))
+    return {name: _without_defaults(skin, _NEWER_OF_SKINS) for name, skin in skins.items()}
+
+
+def _without_defaults(fields: dict[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields without newer ones that have their default, because older runs have none."""
+    return {
+        name: value for name, value in fields.items() if name not in newer or value != newer[name]
+    }
 
 
 def _skin_files(experiment: Experiment) -> dict[tuple[str, str, str], Path]:

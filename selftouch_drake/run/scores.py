@@ -1,7 +1,7 @@
 """Metrics of what was learned, alone and against the truth, as `metrics.json` names them."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,11 +48,11 @@ def score_body(
     if not truth.is_surface:
         return metrics
     wanted = run.experiment.evaluation.shape_metrics
-    bodies = {body.metric: body} | {
-        name: recover(representation, name, seed=run.experiment.seed, holes=False)
-        for name in SHAPE_METRICS
-        if name in (SHAPE_METRICS if wanted is None else wanted) and name != body.metric
-    }
+    bodies = {body.metric: body}
+    for name in SHAPE_METRICS:
+        if name != body.metric and (wanted is None or name in wanted):
+            seed = run.experiment.seed
+            bodies[name] = recover(representation, name, seed=seed, holes=False)
     parts = true_parts(fields, counts, truth)
     return {
         **metrics,
@@ -66,21 +66,20 @@ def score_body(
 
 def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:
     """What the agent found out about its body: one number for one part, a list for several."""
-    holes = [part.topology for part in body.parts]
-    margins = [found.margin for found in holes if found is not None]
+    topologies = [part.topology for part in body.parts]
     metrics: Metrics = {"parts_found": len(body.parts)}
     if any(part.doubt for part in body.parts):
         metrics["shape_doubt_by_part"] = [part.doubt for part in body.parts]
     # Of other runs, the truth will say whether there is a shape to be sure of.
     if not run.experiment.has_truth:
         metrics |= confidence_metrics(body)
-    if margins:
+    if margins := [found.margin for found in topologies if found is not None]:
         metrics["topology_margin"] = min(margins)
     metrics["embedding_fourth_eigenvalue"] = max(
         part.embedding.fourth_eigenvalue for part in body.parts
     )
     by_part: dict[str, list[Any]] = {
-        "topology_betti": [None if found is None else list(found.betti) for found in holes],
+        "topology_betti": [None if found is None else list(found.betti) for found in topologies],
         "intrinsic_dimension": [part.dimension for part in body.parts],
         "skin_dimension": [part.skin for part in body.parts],
         "embedding_dimension": [part.space for part in body.parts],
@@ -119,6 +118,10 @@ def _several(run: RunDirectory, body: RecoveredBody) -> bool:
     return len(body.parts) > 1 or len(run.experiment.skins) > 1
 
 
+# Scores by their key in `metrics.json` and the shape metric, then by the name of the skin.
+_Scores = dict[tuple[str, str], dict[str, float]]
+
+
 def _place_metrics(
     world: World,
     representation: QuotientRepresentation,
@@ -128,40 +131,54 @@ def _place_metrics(
 ) -> Metrics:
     """Scores of the recovered places: the mean of all skins, each weighted by its kernels."""
     on_surface = truth.on_surface([skin.fields for skin in world.skins])
-    size: dict[str, int] = {}
-    # By metric of `metrics.json` and shape metric, then by skin.
-    of: dict[tuple[str, str], dict[str, float]] = defaultdict(dict)
+    sizes: dict[str, int] = {}
+    scores: _Scores = defaultdict(dict)
     for number, here in parts_on_skins(representation.part, truth).items():
         skin = world.skins[number]
-        place, size[skin.name] = truth.positions[here], len(here)
+        sizes[skin.name] = len(here)
+        true_places = truth.positions[here]
         near = representation.set_distance[np.ix_(here, here)]
-        of["neighbour_agreement", chosen][skin.name] = neighbour_agreement(near, place)
-        # Not enough kernels for ranks give no distances.
-        true = None
-        if len(here) >= _LEAST_FOR_RANKS:
-            true = surface_distances(skin.fields.vertices, skin.fields.faces, place)
+        scores["neighbour_agreement", chosen][skin.name] = neighbour_agreement(near, true_places)
         for name, body in bodies.items():
-            if np.isfinite(body.positions[here]).all():
-                for key, known in (("shape", truth), ("surface", on_surface)):
-                    error = shape_rms_fraction(body.positions[here], known.positions[here])
-                    of[f"{key}_rms_fraction", name][skin.name] = error
-            if true is not None:
-                along = body.distances[np.ix_(here, here)]
-                median, p95 = distance_distortion(along, true)
-                of["trustworthiness", name][skin.name] = trustworthiness(along, true)
-                of["continuity", name][skin.name] = trustworthiness(true, along)
-                of["distance_distortion_median_fraction", name][skin.name] = median
-                of["distance_distortion_p95_fraction", name][skin.name] = p95
+            places = body.positions[here]
+            if np.isfinite(places).all():
+                shape = shape_rms_fraction(places, true_places)
+                surface = shape_rms_fraction(places, on_surface.positions[here])
+                scores["shape_rms_fraction", name][skin.name] = shape
+                scores["surface_rms_fraction", name][skin.name] = surface
+        if len(here) >= _LEAST_FOR_RANKS:
+            true = surface_distances(skin.fields.vertices, skin.fields.faces, true_places)
+            for name, body in bodies.items():
+                found = _distance_scores(body.distances[np.ix_(here, here)], true)
+                for key, score in found.items():
+                    scores[key, name][skin.name] = score
+    metrics = _means(scores, sizes, bodies, chosen)
+    if len(world.skins) > 1:
+        for key in ("shape_rms_fraction", "surface_rms_fraction"):
+            if by_skin := scores.get((key, chosen)):
+                metrics[f"{key}_by_skin"] = by_skin
+    return metrics
+
+
+def _distance_scores(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
+    """Scores of `(n, n)` distances along the recovered surface, beside the true ones."""
+    median, p95 = distance_distortion(found, true)
+    return {
+        "trustworthiness": trustworthiness(found, true),
+        "continuity": trustworthiness(true, found),
+        "distance_distortion_median_fraction": median,
+        "distance_distortion_p95_fraction": p95,
+    }
+
+
+def _means(scores: _Scores, sizes: dict[str, int], names: Iterable[str], chosen: str) -> Metrics:
+    """Means over all skins, of the chosen shape metric; of two scores also of all others."""
     mean = {
-        key: float(np.average([*found.values()], weights=[size[skin] for skin in found]))
-        for key, found in of.items()
+        key: float(np.average([*by_skin.values()], weights=[sizes[skin] for skin in by_skin]))
+        for key, by_skin in scores.items()
     }
     metrics: Metrics = {key: score for (key, name), score in mean.items() if name == chosen}
     for key in ("shape_rms_fraction", "distance_distortion_median_fraction"):
-        if by_metric := {name: mean[key, name] for name in bodies if (key, name) in mean}:
+        if by_metric := {name: mean[key, name] for name in names if (key, name) in mean}:
             metrics[f"{key}_by_metric"] = by_metric
-    if len(world.skins) > 1:
-        for key in ("shape_rms_fraction", "surface_rms_fraction"):
-            if by_skin := of.get((key, chosen)):
-                metrics[f"{key}_by_skin"] = by_skin
     return metrics

@@ -16,14 +16,16 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.bodies.embodiment import pilot_in
+from selftouch_drake.bodies.embodiment import World, pilot_in
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
+from selftouch_drake.experience.store import WalkCounts
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -67,40 +69,13 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     wall_before = run.metrics().get("babbling_wall_s", 0.0)
     bodies = run_bodies(run)
     if bodies.world is not None:
-        surfaces = {"receptor_skin": bodies.world.receptor_skin}
-        for skin in bodies.world.skins:
-            for name in ("vertices", "faces", "p_LS"):
-                surfaces[f"{skin.name}_{name}"] = getattr(skin.fields, name)
-        save_arrays(run.skin, surfaces | run.body_stamp())
+        _save_skin(run, bodies.world)
     elif isinstance(bodies, LivingBody) and run.known_calibration() is None:
         progress(0.0, "readings at rest")
         run.keep_calibration(bodies.calibrate(run.experiment))
     keep_bodies(run, bodies)
-    body, wanted, stored = bodies.babbling, run.experiment.babbling.num_samples, 0
-    hours = run.experiment.babbling.robot_hours
-    if hours is not None and not hasattr(body, "robot_s"):
-        raise RunError(
-            f"babbling.robot_hours is {hours:g}, but the body is set to its postures and keeps no "
-            "time: leave it out, or give babbling.mode: dynamic"
-        )
-
-    def count(num_rows: int) -> None:
-        nonlocal stored
-        stored += num_rows
-        lived = robot_s(body)
-        of_robot = f", {lived / 3600:.2f} h of the robot" if lived else ""
-        progress(stored / wanted, f"{stored:,} of {wanted:,} touches{of_robot}")
-
-    how: dict[str, Any] = {"fingerprint": run.fingerprint(), "progress": count}
-    how["body_of"] = partial(babbling_body, run)
-    if run.experiment.babbling.strategy == "active":
-        # Other stages need not wait for its imports.
-        from selftouch_drake.experience.exploration import Exploration, explore
-
-        counts = explore(Exploration(run.experiment, body), run.path, **how)
-    else:
-        executor = executor if body.jumps else InTurn()
-        counts = collect(run.experiment, run.path, executor=executor, **how)
+    _require_own_time(run, bodies.babbling)
+    counts = _collected(run, bodies.babbling, executor, progress)
     found: dict[str, Any] = {
         "babbling_num_samples": counts.num_rows,
         "babbling_num_steps": counts.num_steps,
@@ -112,6 +87,51 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     if bodies.world is not None:
         found |= touch_metrics(run, bodies.world)
     run.add_metrics(found)
+
+
+def _save_skin(run: RunDirectory, world: World) -> None:
+    """Saves the surfaces of a robot's skins, and which of them each reading comes from."""
+    arrays = {"receptor_skin": world.receptor_skin}
+    for skin in world.skins:
+        arrays[f"{skin.name}_vertices"] = skin.fields.vertices
+        arrays[f"{skin.name}_faces"] = skin.fields.faces
+        arrays[f"{skin.name}_p_LS"] = skin.fields.p_LS
+    save_arrays(run.skin, arrays | run.body_stamp())
+
+
+def _require_own_time(run: RunDirectory, body: Body) -> None:
+    """Raises a `RunError` if babbling is to take hours of a body that keeps no time."""
+    hours = run.experiment.babbling.robot_hours
+    if hours is not None and not hasattr(body, "robot_s"):
+        raise RunError(
+            f"babbling.robot_hours is {hours:g}, but the body is set to its postures and keeps no "
+            "time: leave it out, or give babbling.mode: dynamic"
+        )
+
+
+def _collected(run: RunDirectory, body: Body, executor: Executor, progress: Progress) -> WalkCounts:
+    """Collects the missing experience of a run; returns what all of its walks took."""
+    wanted, stored = run.experiment.babbling.num_samples, 0
+
+    def count(num_rows: int) -> None:
+        nonlocal stored
+        stored += num_rows
+        lived = robot_s(body)
+        of_robot = f", {lived / 3600:.2f} h of the robot" if lived else ""
+        progress(stored / wanted, f"{stored:,} of {wanted:,} touches{of_robot}")
+
+    how: dict[str, Any] = {
+        "fingerprint": run.fingerprint(),
+        "progress": count,
+        "body_of": partial(babbling_body, run),
+    }
+    if run.experiment.babbling.strategy == "active":
+        # Other stages need not wait for its imports.
+        from selftouch_drake.experience.exploration import Exploration, explore
+
+        return explore(Exploration(run.experiment, body), run.path, **how)
+    executor = executor if body.jumps else InTurn()
+    return collect(run.experiment, run.path, executor=executor, **how)
 
 
 def learn(

@@ -131,15 +131,8 @@ class FirstTries:
         unpractised = self._pilot.motion(query.unpractised)
         blind, _ = self._pilot.execute(unpractised, practised=False)
         execution, followed = self._pilot.execute(motion)
-        predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
-        predicted &= motion.predicted_spread > 0
         planned, felt = self._slowly(motion)
-        impossible = 0 if felt is None else int(np.sum(~felt.reached))
-        own_path = true_path = None
-        if felt is not None and motion.touching.all():
-            own_path = self._own.over_shortest(felt.sensation)
-            if self._true is not None and isinstance(felt, DrakeFelt):
-                true_path = self._true.over_shortest(felt.contacts)
+        own_path, true_path = self._over_shortest(motion, felt)
         truth = None
         if self._judge is not None and isinstance(followed, DrakeFollowed):
             truth = self._judge.truth(execution, followed.log)
@@ -155,12 +148,22 @@ class FirstTries:
             over_shortest=own_path,
             true_over_shortest=true_path,
             num_slides=len(query.agent.memory.slides.ends),
-            errors=cosine_distance(execution.felt[predicted], motion.predicted[predicted])
-            / motion.predicted_spread[predicted],
-            impossible_planned=impossible,
+            errors=_prediction_errors(execution),
+            impossible_planned=0 if felt is None else int(np.sum(~felt.reached)),
             truth=truth,
         )
         return first, judge(execution, representation)
+
+    def _over_shortest(
+        self, motion: Motion, felt: Felt | None
+    ) -> tuple[float | None, float | None]:
+        """`over_shortest` and `true_over_shortest` of `FirstTry`, of what was felt slowly."""
+        if felt is None or not motion.touching.all():
+            return None, None
+        own, true = self._own.over_shortest(felt.sensation), None
+        if self._true is not None and isinstance(felt, DrakeFelt):
+            true = self._true.over_shortest(felt.contacts)
+        return own, true
 
     def score(self, execution: Execution) -> MotionScore:
         """An execution, scored as it was felt."""
@@ -236,6 +239,15 @@ def try_pairs(
     return trials, without_way
 
 
+def _prediction_errors(execution: Execution) -> np.ndarray:
+    """`(n,)` cosine distances from predicted to felt, in their predicted scales."""
+    motion = execution.motion
+    known = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
+    known &= motion.predicted_spread > 0
+    distance = cosine_distance(execution.felt[known], motion.predicted[known])
+    return distance / motion.predicted_spread[known]
+
+
 def _first_try(
     run: RunDirectory, learned: str, pair: tuple[int, int]
 ) -> tuple[FirstTry, Try] | None:
@@ -254,30 +266,56 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
     """Metrics of trials; without truth, those that need it are absent."""
     if not trials:
         return {}
-    query_ms = 1e3 * np.array([trial.query_s for trial in trials])
-    within = calibration([trial.errors for trial in trials])
-    metrics: dict[str, Any] = {
+    metrics = {
         **summarise([trial.unpractised for trial in trials], "unpractised"),
         **summarise([trial.unpractised_executed for trial in trials], "unpractised_execution"),
+        **_planning_metrics(trials),
+        **_execution_metrics(trials),
+        **_rehearsal_metrics(trials),
+    }
+    return {key: value for key, value in metrics.items() if value is not None}
+
+
+def _planning_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Metrics of practised plans, without dynamics."""
+    query_ms = 1e3 * np.array([trial.query_s for trial in trials])
+    return {
         "planning_num_pairs": len(trials),
         **summarise([trial.planned for trial in trials], "planning"),
         "planning_num_slides": sum(trial.num_slides for trial in trials),
         "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
-        **_summary("planning_path_over_shortest", [t.over_shortest for t in trials]),
-        **_summary("planning_true_path_over_shortest", [t.true_over_shortest for t in trials]),
+        **_summary("planning_path_over_shortest", [trial.over_shortest for trial in trials]),
+        **_summary(
+            "planning_true_path_over_shortest", [trial.true_over_shortest for trial in trials]
+        ),
         "planning_query_ms_median": float(np.median(query_ms)),
         "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
+    }
+
+
+def _execution_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Metrics of practised plans under dynamics."""
+    within = calibration([trial.errors for trial in trials])
+    return {
         "execution_num_pairs": len(trials),
         **summarise([trial.executed for trial in trials], "execution"),
-        **{f"execution_prediction_within_{100 * s:.0f}": held for s, held in within.items()},
+        **{
+            f"execution_prediction_within_{100 * share:.0f}": held for share, held in within.items()
+        },
         **_truth_metrics([trial.truth for trial in trials if trial.truth is not None]),
-        "rehearsal_first_try_contact_mean": float(np.mean([t.remembering.contact for t in trials])),
+    }
+
+
+def _rehearsal_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Metrics of rehearsals, which remember those before."""
+    first_contact = [trial.remembering.contact for trial in trials]
+    return {
+        "rehearsal_first_try_contact_mean": float(np.mean(first_contact)),
         **summarise([trial.kept for trial in trials], "rehearsal"),
         "rehearsal_tries_mean": float(np.mean([trial.num_tries for trial in trials])),
-        "rehearsal_time_off_skin_s": _of_known(sum, (t.off_skin_kept_s for t in trials)),
+        "rehearsal_time_off_skin_s": _of_known(sum, (trial.off_skin_kept_s for trial in trials)),
     }
-    return {key: value for key, value in metrics.items() if value is not None}
 
 
 def _truth_metrics(truths: Sequence[ExecutedTruth]) -> dict[str, Any]:
@@ -306,19 +344,21 @@ def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
     the rehearsals of all pairs before and the best; `num_tries` `(N,)` of the rehearsal;
     `prediction_error` `(N,)` of the first try without memory.
     """
-    of = {
+    by_name = {
         "unpractised": [trial.unpractised_executed for trial in trials],
         "naive": [trial.executed for trial in trials],
         "remembering": [trial.remembering for trial in trials],
         "kept": [trial.kept for trial in trials],
     }
-    return {
-        "pairs": np.array([(trial.start, trial.goal) for trial in trials]),
-        **{f"contact_{name}": np.array([s.contact for s in scores]) for name, scores in of.items()},
-        **{f"reached_{name}": np.array([s.reached for s in scores]) for name, scores in of.items()},
-        "num_tries": np.array([trial.num_tries for trial in trials]),
-        "prediction_error": np.array([trial.executed.prediction_error for trial in trials]),
-    }
+    columns = {"pairs": np.array([(trial.start, trial.goal) for trial in trials])}
+    for name, scores in by_name.items():
+        columns[f"contact_{name}"] = np.array([score.contact for score in scores])
+    for name, scores in by_name.items():
+        columns[f"reached_{name}"] = np.array([score.reached for score in scores])
+    columns["num_tries"] = np.array([trial.num_tries for trial in trials])
+    errors = [trial.executed.prediction_error for trial in trials]
+    columns["prediction_error"] = np.array(errors)
+    return columns
 
 
 def _summary(name: str, values: Sequence[float | None]) -> dict[str, float | None]:

@@ -10,24 +10,23 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from cycler import cycler
-from matplotlib.colors import LinearSegmentedColormap
+
+from selftouch_drake.colors import FIRM as FIRM
+from selftouch_drake.colors import PRESSURE as PRESSURE
+from selftouch_drake.colors import SKIN as SKIN
+from selftouch_drake.colors import VERMILION as VERMILION
 
 # Okabe and Ito's palette.
 BLUE, SKY, GREEN, ORANGE = "#0072B2", "#56B4E9", "#009E73", "#E69F00"
-VERMILION, PINK = "#D55E00", "#CC79A7"
+PINK = "#CC79A7"
 INK, MUTED, PALE = "#22262B", "#6B7280", "#D5D8DD"
-# The tactile skin, and what the agent made of it.
-SKIN, RECOVERED = "#C6CAD1", "#5DB89C"
+# What the agent made of the tactile skin.
+RECOVERED = "#5DB89C"
 
-# Even in lightness, for every reader; no pressure is the white of the page.
+# Even in lightness, for every reader.
 AMOUNT = mpl.colormaps["cividis"]
-PRESSURE = LinearSegmentedColormap.from_list(
-    "pressure", ["#F3F3F1", *mpl.colormaps["inferno_r"](np.linspace(0.14, 0.94, 9))]
-)
 
 DPI = 160
-# N, the reading with the strongest colour, if no experience shows how strong a firm touch is.
-FIRM = 2.0
 
 _STYLE: Any = {
     "figure.facecolor": "white",

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.representation.quantise import clusters
+from selftouch_drake.agent.clusters import clusters
 
 
 @pytest.mark.parametrize("dimension", [2, 6])

@@ -3,7 +3,7 @@ import re
 
 import numpy as np
 import pytest
-from kernels_by_hand import laid_by_hand
+from by_hand import laid_by_hand
 
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory, Slides
 

@@ -4,14 +4,15 @@ import dataclasses
 from itertools import pairwise
 
 import numpy as np
+from by_hand import laid_by_hand
 from test_sliding import LIMIT, Finger, deep, feel, touches
 
+from selftouch_drake.agent.dry_run import dry_run, missed_touches
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.planning.smoothing import path_length, smooth_path
-from selftouch_drake.agent.practice import dry_run, missed_touches, other_ways, out_of_the_way
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.other_ways import other_ways, out_of_the_way
 from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.quotient.smooth import path_length, smooth_path
 
 NUM = 40
 
@@ -20,23 +21,12 @@ def representation():
     """Kernels of one touch each, all with the same sensation."""
     x = touches(NUM)
     felt = feel(x)
-    return QuotientRepresentation(
+    return laid_by_hand(
+        x[:, None],
+        [[0, 1]],
         target_sensations=felt / np.linalg.norm(felt, axis=1, keepdims=True),
-        kernel_offsets=np.arange(NUM + 1),
-        kernel_q=x,
-        kernel_row=np.arange(NUM),
         kernel_strength=np.linalg.norm(felt, axis=1),
-        kernel_error=np.zeros(NUM),
-        kernel_mode=np.zeros(NUM, dtype=int),
         mode_joints=np.array([[True, True, True, False]]),
-        joint_scale=np.ones(4),
-        overlap=np.ones((2, 2), dtype=bool),
-        part=np.zeros(NUM, dtype=int),
-        num_touches=NUM,
-        set_distance=np.zeros((NUM, NUM)),
-        edges=np.array([[0, 1]]),
-        edge_cost=np.ones(1),
-        embedding=np.zeros((NUM, 3)),
     )
 
 

@@ -5,8 +5,8 @@ import pytest
 from test_memory import CHAIN
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.rehearsal import Try, best, judge
+from selftouch_drake.quotient.smooth import smooth_path
 
 
 def tried(contact, *, reached=True):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from commands import SMALL
 
-from selftouch_drake.agent.representation.graphs import connected_edges
 from selftouch_drake.cli import exit_status
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.loading import parse_fields
+from selftouch_drake.quotient.graph import connected_edges
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn

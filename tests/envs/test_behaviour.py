@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.envs import ReachEnv, SelfTouchEnv, SlideEnv, likeness
-from selftouch_drake.envs.postures import FirmTouches, contacts_of, possible_posture
+from selftouch_drake.envs.postures import FirmTouches, possible_posture, touching_pairs
 
 
 @pytest.fixture(scope="module")
@@ -96,9 +96,9 @@ def test_postures_are_possible_and_firm():
     postures = FirmTouches(env.world)
     there, touches = postures.next(random)
     assert np.array_equal(env.world.probe.sensations(there[None]), touches.sensation)
-    contacts = contacts_of(touches)
-    alike, touches = postures.next(random, contacts)
-    assert contacts_of(touches) == contacts
+    pairs = touching_pairs(touches)
+    alike, touches = postures.next(random, pairs)
+    assert touching_pairs(touches) == pairs
     assert not np.array_equal(alike, there)
 
 

@@ -1,32 +1,14 @@
 import numpy as np
 import pytest
+from by_hand import laid_by_hand
 from laying import kernels_on, places
 
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.evaluation.shape import kernel_truth, parts_on_skins, shape_errors
 
 
 def representation(sizes):
     """Kernels with the given numbers of configurations."""
-    K, R = len(sizes), sum(sizes)
-    return QuotientRepresentation(
-        target_sensations=np.eye(K),
-        kernel_offsets=np.cumsum([0, *sizes]),
-        kernel_q=np.zeros((R, 2)),
-        kernel_row=np.arange(R),
-        kernel_strength=np.ones(R),
-        kernel_error=np.zeros(R),
-        kernel_mode=np.zeros(R, dtype=int),
-        mode_joints=np.ones((1, 2), dtype=bool),
-        joint_scale=np.ones(2),
-        overlap=np.eye(K, dtype=bool),
-        part=np.zeros(K, dtype=int),
-        set_distance=np.zeros((K, K)),
-        edges=np.zeros((0, 2), dtype=int),
-        edge_cost=np.zeros(0),
-        embedding=np.full((K, 3), np.nan),
-        num_touches=R,
-    )
+    return laid_by_hand([np.zeros((size, 2)) for size in sizes])
 
 
 def test_a_kernel_is_where_most_of_its_contacts_are(hand):

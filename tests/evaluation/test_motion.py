@@ -7,7 +7,6 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning.smoothing import polyline, smooth_path
 from selftouch_drake.evaluation.executed import (
     in_link_frames,
     off_skin,
@@ -20,6 +19,7 @@ from selftouch_drake.evaluation.motion import (
 )
 from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.surfaces import sphere
+from selftouch_drake.quotient.smooth import polyline, smooth_path
 
 KNOWN = SimpleNamespace(target_sensations=np.eye(3), num_set_aside=0, part=np.zeros(3, int))
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import robots
 
+from selftouch_drake.systems.simulation import simulation_of
+
 # A torso and two arms whose upper parts overlap it, as in most models. All shapes have a pose.
 DUMMY = (
     robots.link("base", robots.shape("capsule", "0 0 0.1 0 0 0", radius=0.1, length=0.1)),
@@ -194,7 +196,7 @@ def test_a_half_space_is_no_part_of_a_robot(tmp_path):
 
 
 def test_rigid_parts_push_each_other_away_under_dynamics(dummy):
-    robot, simulation = dummy.robot, dummy.simulation
+    robot, simulation = dummy.robot, simulation_of(dummy)
     q = robots.anywhere(robot, 2000, seed=3)
     free = q[~dummy.probe.impossible(q)]
     impossible = q[dummy.probe.impossible(q)]

@@ -10,8 +10,9 @@ from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.schema import Imperfections, JointSettings
-from selftouch_drake.robot import ImperfectSkins, Simulation, World
+from selftouch_drake.robot import ImperfectSkins, World
 from selftouch_drake.robot.imperfections import ImperfectSkin, remembered, slip, standard_noise
+from selftouch_drake.systems.simulation import Simulation
 
 WORST = {
     "cross_talk": 0.1,

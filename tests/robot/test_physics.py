@@ -30,13 +30,10 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.geometry import hollow, receptors, surfaces
-from selftouch_drake.robot import (
-    AddTactileSkin,
-    RegisterSkin,
-    SensorModel,
-    SkinModel,
-)
+from selftouch_drake.robot import SensorModel, SkinModel
 from selftouch_drake.robot.faces import Faces
+from selftouch_drake.systems import AddTactileSkin, RegisterSkin
+from selftouch_drake.systems.simulation import simulation_of
 
 SURFACES = {
     "sphere": lambda: surfaces.sphere(0.25),
@@ -441,9 +438,9 @@ def test_action_is_reaction_where_two_skins_press_each_other(pressed):
 def test_action_is_reaction_under_dynamics(embracing, pressed):
     q, _ = pressed
     for start in q[:3]:
-        embracing.simulation.rest_at(start)
-        embracing.simulation.advance(0.1)
-        felt = embracing.simulation.take_log().felt
+        simulation_of(embracing).rest_at(start)
+        simulation_of(embracing).advance(0.1)
+        felt = simulation_of(embracing).take_log().felt
         left, right = felt[:, :30].sum(axis=1), felt[:, 30:].sum(axis=1)
         assert left.min() > 0.1
         np.testing.assert_allclose(left, right, rtol=0.01)

@@ -13,7 +13,7 @@ from selftouch_drake.geometry.receptors import group_centres, placed_fields
 from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import World
 from selftouch_drake.robot.readings import readings
-from selftouch_drake.robot.simulation import MakeDynamicStation
+from selftouch_drake.systems.station import MakeDynamicStation
 
 FORCE = np.array([[0.0, 0.04, 0.1, 0.3, 5.0]])
 BINARY = {"mode": "binary", "threshold": 0.1}

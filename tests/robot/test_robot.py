@@ -9,6 +9,7 @@ from pydrake.geometry import Role
 
 from selftouch_drake.experiment import ExperimentError, experiment_from_fields
 from selftouch_drake.robot import World
+from selftouch_drake.systems.simulation import simulation_of
 
 # Two links on two joints, at a base.
 BASE = robots.link("base", robots.shape("box", size="0.2 0.2 0.2"))
@@ -295,9 +296,9 @@ def test_joints_that_are_coupled_must_be_named(tmp_path):
         _ = world(None).robot
     made = world(["wrist", "shoulder"])
     assert made.robot.joint_names == ["shoulder", "wrist"]
-    made.simulation.rest_at(np.array([0.1, 0.2]))
-    made.simulation.advance(0.1)
-    np.testing.assert_allclose(made.simulation.q, [0.1, 0.2], atol=1e-3)
+    simulation_of(made).rest_at(np.array([0.1, 0.2]))
+    simulation_of(made).advance(0.1)
+    np.testing.assert_allclose(simulation_of(made).q, [0.1, 0.2], atol=1e-3)
 
 
 def test_a_joint_with_two_actuators_keeps_one(tmp_path):
@@ -324,9 +325,9 @@ def test_a_joint_with_two_actuators_keeps_one(tmp_path):
         )
     )
     assert world.robot.plant.num_actuators() == 2
-    world.simulation.rest_at(np.array([0.3, -0.4]))
-    world.simulation.advance(0.2)
-    np.testing.assert_allclose(world.simulation.q, [0.3, -0.4], atol=1e-3)
+    simulation_of(world).rest_at(np.array([0.3, -0.4]))
+    simulation_of(world).advance(0.2)
+    np.testing.assert_allclose(simulation_of(world).q, [0.3, -0.4], atol=1e-3)
 
 
 def test_the_model_s_own_geometry_is_left_as_it_is(tmp_path):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import robots
 
-from selftouch_drake.robot import MakeDynamicStation
+from selftouch_drake.systems import MakeDynamicStation
+from selftouch_drake.systems.simulation import simulation_of
 
 #: All shipped robots; the quick tests have one with several touchers and one that moves linearly.
 QUICK_AND_SLOW = [
@@ -15,7 +16,7 @@ QUICK_AND_SLOW = [
 
 def swing_through(world, q, duration=0.3):
     """The log of a robot that swings past a configuration, at every step of the plant."""
-    robot, simulation = world.robot, world.simulation
+    robot, simulation = world.robot, simulation_of(world)
     reach = np.where(robot.turns, 0.15, 0.02) * (-1.0) ** np.arange(robot.num_joints)
     time_s = np.linspace(0.0, duration, 31)
     phase = np.pi * time_s / duration

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from selftouch_drake.experiment import Skin
 from selftouch_drake.experiment.schema import SurfaceSettings
-from selftouch_drake.robot import AddModelsAndSkins, AddSkins, AddTactileSkin, TactileSkin
+from selftouch_drake.systems import AddModelsAndSkins, AddSkins, AddTactileSkin, TactileSkin
 
 INERTIA = '<mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 BALL = """<collision><origin xyz="0 0 {z}"/><geometry><sphere radius="0.05"/></geometry>

@@ -36,6 +36,7 @@ from selftouch_drake.run.executors import InTurn, local_executor
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
+from selftouch_drake.systems.simulation import simulation_of
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
@@ -391,13 +392,13 @@ def test_before_practice_the_agent_has_followed_nothing(run, world, monkeypatch)
 
 def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch):
     """It lies far from its path; the other pair is scored as ever."""
-    take_log, number = world.simulation.take_log, itertools.count()
+    take_log, number = simulation_of(world).take_log, itertools.count()
 
     def stuck():
         log = take_log()
         return dataclasses.replace(log, q=log.q[:1] + 0 * log.q) if next(number) < 2 else log
 
-    monkeypatch.setattr(world.simulation, "take_log", stuck)
+    monkeypatch.setattr(simulation_of(world), "take_log", stuck)
     execution = dataclasses.replace(run.experiment.execution, max_tries=1)
     run = RunDirectory(run.path, dataclasses.replace(run.experiment, execution=execution))
     trials, _ = try_pairs(run, DrakeBodies(world), load_agent(run), stages.silent)

@@ -10,7 +10,6 @@ from scipy.spatial import procrustes
 from scipy.spatial.distance import pdist
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.graphs import DisconnectedWarning
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.evaluation.shape import kernel_truth
 from selftouch_drake.experience.store import (
@@ -22,6 +21,7 @@ from selftouch_drake.experience.store import (
 )
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.quotient.graph import DisconnectedWarning
 from selftouch_drake.robot import World
 from selftouch_drake.run import artifacts, scores, stages
 from selftouch_drake.run.artifacts import load_body, load_representation
@@ -260,7 +260,7 @@ def test_a_graph_in_parts_is_in_the_figures(run, monkeypatch):
         i, j = np.triu_indices(len(near), 1)
         return np.stack([i, j], axis=1)[(i < 10) == (j < 10)]
 
-    monkeypatch.setattr("selftouch_drake.agent.representation.graphs.neighbour_edges", apart)
+    monkeypatch.setattr("selftouch_drake.quotient.graph.neighbour_edges", apart)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         stages.learn(run)

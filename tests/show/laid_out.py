@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from by_hand import laid_by_hand
 from scipy.optimize import least_squares
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.shape.embedding import Embedding
-from selftouch_drake.agent.shape.homology import topology
 from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience.store import Contacts, Shard, write_shard
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.files import save_arrays
+from selftouch_drake.quotient.holes import topology
+from selftouch_drake.quotient.layout import Embedding
+from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.robot import Robot, World
 from selftouch_drake.run.artifacts import save_learned, save_plan
 from selftouch_drake.run.directory import RunDirectory
@@ -215,23 +215,17 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         ),
         num_kernels=num_kernels,
     )
-    representation = QuotientRepresentation(
+    representation = laid_by_hand(
+        np.split(laid.q, num_kernels),
+        edges,
         target_sensations=laid.targets,
-        kernel_offsets=PER_KERNEL * np.arange(num_kernels + 1),
-        kernel_q=laid.q,
-        kernel_row=np.arange(len(laid.q)),
         kernel_strength=np.linspace(0.5, 2.0, len(laid.q)),
         kernel_error=np.linspace(0.0, 0.1, len(laid.q)),
-        kernel_mode=np.zeros(len(laid.q), dtype=int),
-        mode_joints=np.ones((1, laid.q.shape[1]), dtype=bool),
-        joint_scale=np.ones(laid.q.shape[1]),
         overlap=laid.targets.T @ laid.targets > 0.01,
         part=laid.skin,
         set_distance=np.where(same, distance, 4.0),
-        edges=edges,
         edge_cost=distance[edges[:, 0], edges[:, 1]],
         embedding=body.positions,
-        num_touches=len(laid.q),
     )
     save_learned(run, representation, body, TouchModel((None,)))
     touches = np.arange(1, 10)

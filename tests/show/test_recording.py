@@ -11,10 +11,10 @@ from pydrake.geometry import Meshcat
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
 from selftouch_drake.show.meshcat.recording import frame_rows, record
-from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S
 from selftouch_drake.show.outputs import write_recording
 from selftouch_drake.show.run_data import RunData
+from selftouch_drake.systems.skin_drawing import SkinDrawing, key_frames
 
 
 @pytest.fixture(scope="module")

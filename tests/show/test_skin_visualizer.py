@@ -10,9 +10,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from test_browser import PATIENCE, chromium, visited  # noqa: F401 (a fixture)
 
-from selftouch_drake.robot import AddSkins, AddTactileSkin
-from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
 from selftouch_drake.show.meshcat.stage import open_meshcat
+from selftouch_drake.systems import AddSkins, AddTactileSkin
+from selftouch_drake.systems.skin_visualizer import SkinVisualizer
 
 FALL_S, END_S = 0.15, 0.6
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.network import Network, toward, train
-from selftouch_drake.agent.representation.quantise import strength, unit
+from selftouch_drake.quotient.sensations import strength, unit
 
 #: Units of the hidden layers, touches per training step, and steps. Steps count more than touches:
 #: mean surprise at the next touches of two active agents is 0.11 and 0.27 with 10,000 steps of 128

@@ -19,7 +19,7 @@ from selftouch_drake.agent.lifelong.expectation import (
     with_unit_norm,
 )
 from selftouch_drake.agent.network import Network, train
-from selftouch_drake.agent.representation.quantise import unit
+from selftouch_drake.quotient.sensations import unit
 
 #: A receptor counts as felt if its reading is at least this share of a sensation; felt in this many
 #: touches, it is no chance.

@@ -15,7 +15,7 @@ from scipy.sparse import csc_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.planning.route import firm_members
+from selftouch_drake.agent.planning.members import firm_members
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
 #: The explorer yields `(n, J)` configurations to pass. It is sent those that were passed, likewise,

@@ -12,25 +12,25 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.kernels import (
-    KernelReservoir,
-    KernelSample,
-    KernelSets,
-)
-from selftouch_drake.agent.representation.learning import MAX_ROWS, common_targets, with_graph
-from selftouch_drake.agent.representation.quantise import assign, strength, unit
+from selftouch_drake.agent.representation.learning import Found, joined, represented
 from selftouch_drake.agent.representation.quotient import (
     LEAST_KERNELS,
     NO_MODE,
     QuotientRepresentation,
     mattering,
 )
-from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
-from selftouch_drake.agent.representation.set_distances import set_distances
+from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.several_places import common_targets
 from selftouch_drake.agent.representation.touches import (
     kernel_parts,
     receptors_together,
 )
+from selftouch_drake.quotient.distances import set_distances
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.learn import MAX_ROWS
+from selftouch_drake.quotient.reservoir import KernelReservoir, KernelSample
+from selftouch_drake.quotient.scale import joint_scale
+from selftouch_drake.quotient.sensations import assign, strength, unit
 
 #: Touches before the first targets are chosen, and touches per target until all K are chosen.
 _FIRST = 200
@@ -236,18 +236,17 @@ class OnlineLearner:
             again = set_distances(sets, "quantile", changed=changed)
             self._distance = np.where(changed[:, None] | changed, again, self._distance)
         self._changed[:num][changed] = 0
-        learned = with_graph(
-            sample,
-            sets,
-            self._distance,
-            target_sensations=self._targets,
+        graph = joined(sets, sample, self._distance, self._targets, self._part)
+        found = Found(
+            targets=self._targets,
+            joint_scale=self._joint_scale,
             kernel_mode=mode,
             mode_joints=self._mode_joints,
-            joint_scale=self._joint_scale,
             overlap=self._together.overlap,
             part=self._part,
             num_touches=self.num_touches,
             num_set_aside=self._num_set_aside,
         )
+        learned = represented(sets, sample, self._distance, graph, found)
         self._known = learned.representation, csr_array(unit(sample.columns["sensation"]))
         return self._known

@@ -1,5 +1,6 @@
-"""From the quotient graph to a smooth geometric path in motor space (paper, section III).
+"""Plans on bodies with several parts and hands, on top of `quotient.route` and what follows it.
 
-A query goes through the modules in this order: `route`, `waypoints`, `touch_model`, `smoothing`,
-all called by `planner`; then `prediction`.
+`planner` calls, for each leg, `members` and `quotient.route`; then `legs`, which chooses waypoints
+by `quotient.waypoints` and bends them by `touch_model`; then `quotient.plan.through`. `prediction`
+says what a plan will feel like, `timing` makes a motion of it.
 """

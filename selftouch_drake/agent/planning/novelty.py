@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.planning.route import goal_members
+from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: rad of path between the places that are looked at; most stored touches that are compared.

@@ -1,27 +1,53 @@
 """The planner: from the current motor configuration to a target sensation."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from selftouch_drake.agent.memory import RehearsalMemory, Slides
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
-from selftouch_drake.agent.planning.route import (
-    Prefer,
-    RouteGraph,
-    carried_route,
-    goal_members,
-    leap_penalty,
-)
-from selftouch_drake.agent.planning.smoothing import KNOT_SPACING, path_length, smooth_path
+from selftouch_drake.agent.planning.legs import Waypoints
+from selftouch_drake.agent.planning.members import firm_members, goal_members
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.planning.waypoints import Waypoints
-from selftouch_drake.agent.representation.graphs import link_lengths, step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.links import leap_penalty, link_lengths
+from selftouch_drake.quotient.plan import Limits, through
+from selftouch_drake.quotient.route import Query, RouteGraph, carried_route
+from selftouch_drake.quotient.smooth import KNOT_SPACING
 
-#: Lowest and highest motor configuration, `(J,)` each.
-Limits = tuple[np.ndarray, np.ndarray]
+#: What a route keeps short: its path on the `body`, or the motion of the `joints`.
+Prefer = Literal["body", "joints"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModeGraph:
+    """What routes of one mode are searched in.
+
+    Attributes:
+        joints: indices of the joints that matter in the mode; only these count.
+        graph: linked kernels, and their firm configurations in these joints.
+    """
+
+    joints: np.ndarray
+    graph: RouteGraph
+
+    @classmethod
+    def of(
+        cls, representation: QuotientRepresentation, links: np.ndarray, mode: int = 0
+    ) -> "ModeGraph":
+        """Arranges one mode of `representation` and the `(L, 2)` links for search."""
+        joints = np.flatnonzero(representation.mode_joints[mode])
+        kernels = range(representation.num_targets)
+        by_kernel = [firm_members(representation, kernel, mode) for kernel in kernels]
+        firm_row = np.concatenate(by_kernel)
+        x = representation.scaled(representation.kernel_q[firm_row])[:, joints]
+        offsets = np.cumsum([0, *map(len, by_kernel)])
+        firm = KernelSets(x.astype(np.float32), offsets)
+        return cls(joints=joints, graph=RouteGraph.of(firm, firm_row, links))
 
 
 class Planner:
@@ -50,14 +76,14 @@ class Planner:
         self.representation = representation
         self.knot_spacing = knot_spacing
         self.touch_model = touch_model
-        self.links = step_links(representation)
-        self._graphs = [
-            RouteGraph.of(representation, self.links, mode)
+        self.links = representation.step_links()
+        self._modes = [
+            ModeGraph.of(representation, self.links, mode)
             for mode in range(len(representation.mode_joints))
         ]
         # Float32, as stored configurations are.
         self._rows_x = representation.scaled(representation.kernel_q).astype(np.float32)
-        length = link_lengths(representation, self.links)
+        length = link_lengths(representation.target_sensations, self.links)
         self._leap_penalty = leap_penalty(length)
         self._length = length if prefer == "body" else None
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
@@ -104,8 +130,8 @@ class Planner:
                 f"targets is {list(targets)}: give the target sensation felt now (or None), then "
                 "at least one goal"
             )
-        here = None if targets[0] is None else checked_target(targets[0], self.representation)
-        goals = [checked_target(goal, self.representation) for goal in targets[1:]]
+        here = None if targets[0] is None else self.representation.checked_target(targets[0])
+        goals = [self.representation.checked_target(goal) for goal in targets[1:]]
         memory = memory or RehearsalMemory.blank(self.representation)
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
@@ -123,7 +149,9 @@ class Planner:
                     at = self._nearest(way.end, goal_members(self.representation, goal), memory)
                     here, mode = goal, int(self.representation.kernel_mode[at])
                     way.move(goal, self._rows_x[at].astype(float), self._joints(mode), in_air=True)
-                elif here is None or mode == NO_MODE or not self._graphs[mode].joins(here, goal):
+                elif (
+                    here is None or mode == NO_MODE or not self._modes[mode].graph.joins(here, goal)
+                ):
                     here, mode = self._land(way, goal, mode, memory)
             if here != goal:
                 self._follow_links(way, here, goal, mode, memory)
@@ -134,7 +162,7 @@ class Planner:
         """The joints that move in a mode."""
         if mode == NO_MODE:
             return np.arange(len(self.representation.joint_scale))
-        return self._graphs[mode].joints
+        return self._modes[mode].joints
 
     def _mode_at(self, x: np.ndarray, kernel: int) -> int:
         """The mode of the configuration of `kernel` most similar to the scaled `x`, or `NO_MODE`.
@@ -147,7 +175,7 @@ class Planner:
         if len(known) < 2:
             return int(known[0]) if len(known) else NO_MODE
         off = np.square(self.representation.scaled(self.representation.kernel_q[members]) - x)
-        nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
+        nearest = [off[modes == m][:, self._modes[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
 
     def _land(
@@ -160,7 +188,7 @@ class Planner:
         its mode.
         """
         x, found = way.end, []
-        for after, graph in enumerate(self._graphs):
+        for after, graph in enumerate(mode.graph for mode in self._modes):
             if (component := graph.component[goal]) >= 0:
                 leads = np.repeat(graph.component == component, graph.firm.sizes)
                 found.append((self._nearest(x, graph.firm_row[leads], memory), after))
@@ -191,13 +219,13 @@ class Planner:
         self, way: Waypoints, start: int, goal: int, mode: int, memory: RehearsalMemory
     ) -> None:
         """Goes along links to the goal, through any of the firm touches of the kernels between."""
-        graph = self._graphs[mode]
+        joints, graph = self._modes[mode].joints, self._modes[mode].graph
         ends = memory.not_missed(goal_members(self.representation, goal, mode))
-        goal_x = self._rows_x[ends][:, graph.joints]
+        goal_x = self._rows_x[ends][:, joints]
         penalty = self._leap_penalty * memory.link_penalty
         length = None if self._length is None else self._length * memory.link_penalty
-        x = way.end[graph.joints]
-        nodes = carried_route(graph, x, start, goal, goal_x, penalty, length).tolist()
+        query = Query(start, way.end[joints], goal, goal_x)
+        nodes = carried_route(graph, query, penalty, length).tolist()
         links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
         layers = [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x]
         way.follow(nodes[1:], links, layers, mode)
@@ -210,33 +238,25 @@ class Planner:
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
         if limits is not None:
             slides = slides.within(lower, upper)
-        limited = lower, upper
-        nodes, of_step, waypoints_x, imagined = way.passed(slides, self.touch_model, limited)
-        path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, limits=limited)
-        path.c = path.c / representation.joint_scale
-        waypoints_q = waypoints_x / representation.joint_scale
-        waypoints_q[0] = path.c[0] = q_start
+        passed = way.passed(slides, self.touch_model, (lower, upper))
+        found = through(
+            passed.nodes,
+            passed.waypoints_x,
+            q_start,
+            representation,
+            limits=limits or self._range,
+            knot_spacing=self.knot_spacing,
+        )
         return Plan(
-            nodes=np.array(nodes),
-            links=np.array(way.links, dtype=np.int64)[of_step],
-            in_air=np.array(way.in_air, dtype=bool)[of_step],
-            modes=np.array(way.modes, dtype=np.int64)[of_step],
-            imagined=np.array(imagined),
-            waypoints_q=waypoints_q,
-            waypoint_s=path_length(waypoints_x),
-            path=path,
+            nodes=found.nodes,
+            links=np.array(way.links, dtype=np.int64)[passed.of_step],
+            in_air=np.array(way.in_air, dtype=bool)[passed.of_step],
+            modes=np.array(way.modes, dtype=np.int64)[passed.of_step],
+            imagined=passed.imagined,
+            waypoints_q=found.waypoints_q,
+            waypoint_s=found.waypoint_s,
+            path=found.path,
         )
-
-
-def checked_target(target: int | None, representation: QuotientRepresentation) -> int:
-    """`target` as an int; raises a ValueError if it is not the number of a target sensation."""
-    num_targets = representation.num_targets
-    if not isinstance(target, int | np.integer) or not 0 <= target < num_targets:
-        raise ValueError(
-            f"target {target} is out of range: give one of 0 to {num_targets - 1}, "
-            "the targets of this representation"
-        )
-    return int(target)
 
 
 def checked_configuration(

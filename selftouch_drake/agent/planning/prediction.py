@@ -7,9 +7,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
-from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, stored_row
+from selftouch_drake.quotient.smooth import DEGREE, smooth_curve
 
 # Number of sensations averaged into one: fewer are noisier, more blur. 8 and 24 work as well.
 _NUM_ALIKE = 16

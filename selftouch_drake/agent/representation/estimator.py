@@ -8,15 +8,15 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from selftouch_drake.agent.representation.batches import (
+from selftouch_drake.agent.representation.learning import learn
+from selftouch_drake.quotient.batches import (
     NO_ROWS,
     Batch,
     Batches,
     as_numbers,
     check_sensation,
 )
-from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.representation.quantise import assign
+from selftouch_drake.quotient.sensations import assign
 
 
 class QuotientLearner(BaseEstimator):

@@ -1,8 +1,4 @@
-"""Finds how much each joint changes the sensation, and which matter to a touch (naive).
-
-Motor configurations come in the robot's units, some in radians, others in metres, and the agent
-does not know which. Distances in motor space need one unit: joints are scaled by how much each of
-them changes the sensation.
+"""Finds which joints matter to a touch (naive).
 
 When one hand touches, the joints of the other arm do not affect the sensation: in a distance
 between motor configurations they are noise, and along a path they need not move. The agent does not
@@ -16,11 +12,10 @@ from functools import partial
 
 import numpy as np
 
+from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.network import Network, standardised, toward, train
-from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.representation.quantise import clusters, unit
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
-from selftouch_drake.agent.representation.set_distances import linked_nearest
+from selftouch_drake.quotient.kernels import KernelSets
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
 #: sensations), and training steps in each of two lessons, with configurations per step. Many
@@ -74,47 +69,6 @@ _NOTHING, _LEAST_COST, _MUCH_MORE = 0.012, 0.08, 4.0
 #: configurations get a mode, 0.1 % of them a wrong one. Comparing changes of the prediction instead
 #: of errors gives 94 % and 2 %.
 _SURE = 0.87
-
-#: Standard deviation of scaled configurations, root mean square over joints. It is that of the
-#: paper's arm in radians, so a length in "rad" means the same for any robot.
-_SPREAD = 1.6
-
-#: Smallest influence of a joint, as a share of the largest (both squared): even a joint that does
-#: not change the sensation takes time to move.
-_LEAST_INFLUENCE = 0.02
-
-
-def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
-    """`(J,)` positive factors, so that equal scaled steps change the sensation equally.
-
-    The squared change of the sensation is fitted as a weighted sum of the squared changes of the
-    joints. Changing the unit of a joint changes its factor inversely, and nothing else. A joint
-    that did not move has 1. From `(n, J)` q, a sample of the experience, and `(n, S)` N that was
-    felt there; no row null.
-    """
-    deviation = q.std(axis=0, dtype=float)
-    moved = deviation > 0
-    scale = np.ones(q.shape[1])
-    if len(q) < 4 or not moved.any():
-        return scale
-    z = ((q - q.mean(axis=0, dtype=float))[:, moved] / deviation[moved]).astype(np.float32)
-    from scipy.optimize import nnls  # not needed to plan
-
-    # Each row of either half is paired with the nearest row of the other half.
-    half = len(z) // 2
-    first = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
-    halves = KernelSets(z[first], np.array([0, half, 2 * half]))
-    _, nearest, _ = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
-    second = first[nearest]
-    felt = unit(sensation)
-    change = np.square(felt[first] - felt[second]).sum(axis=1, dtype=float)
-    step = np.square(z[first] - z[second], dtype=float)
-    influence, _ = nnls(step, change)
-    if not influence.any():
-        influence = np.ones(len(influence))
-    influence = np.sqrt(np.maximum(influence, _LEAST_INFLUENCE * influence.max()))
-    scale[moved] = influence / deviation[moved] * _SPREAD / np.sqrt(np.mean(influence**2))
-    return scale
 
 
 def touch_modes(

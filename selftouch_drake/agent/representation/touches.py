@@ -16,8 +16,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import squareform
 
-from selftouch_drake.agent.representation.quantise import strength, unit
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.quotient.sensations import strength, unit
 
 #: Receptors overlap if both feel this share of the touches of the rarer one. Measured on a sphere
 #: with 100 receptors and two fingers a quarter turn apart: at 0.4 no touch of one finger was split,

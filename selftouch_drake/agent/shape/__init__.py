@@ -1,1 +1,1 @@
-"""Recovers the body from the quotient graph: shape, holes and dimension (paper, section IV)."""
+"""Recovers a body of several parts, as in `quotient.body`, by metrics that learn and correct."""

@@ -14,8 +14,9 @@ rounds.
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from selftouch_drake.agent.representation.graphs import geodesics
-from selftouch_drake.agent.shape.embedding import Majoriser, stress_embedding, unbent
+from selftouch_drake.quotient.layout import Majoriser, stress_embedding, unbent
+from selftouch_drake.quotient.paths import geodesics
+from selftouch_drake.quotient.sensations import angles
 
 #: Rounds of layout and model. More change lengths by less than 2 %.
 _ROUNDS = 2
@@ -81,11 +82,6 @@ def corrected_lengths(
         ratio = np.divide(felt, modelled, out=np.ones_like(felt), where=~inside & (modelled > 0))
         length = laid * np.clip(ratio, 1.0 / _MOST_CORRECTED, _MOST_CORRECTED)
     return length
-
-
-def angles(sensations: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """`(E,)` rad, angles between rows of `(N, S)` sensations of unit norm, for `(E, 2)` pairs."""
-    return 2.0 * np.arcsin(np.minimum(_steps(sensations, pairs) / 2.0, 1.0))
 
 
 def _falling_curve(reading: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,29 +10,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import KDTree
 
-from selftouch_drake.agent.representation.graphs import (
-    connected_edges,
-    geodesics,
-    locally_scaled,
-    neighbour_edges,
-    one_ring,
-    target_distances,
-    unlike,
-)
-from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
-from selftouch_drake.agent.shape.embedding import (
+from selftouch_drake.agent.shape.fields import corrected_lengths
+from selftouch_drake.agent.shape.overlaps import overlap_lengths
+from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
+from selftouch_drake.quotient import lengths
+from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.layout import (
     Embedding,
     classical_embedding,
     curvature_corrected_mds,
     one_thread,
     stress_embedding,
 )
-from selftouch_drake.agent.shape.fields import angles, corrected_lengths
-from selftouch_drake.agent.shape.overlaps import overlap_lengths
-from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
+from selftouch_drake.quotient.lengths import BodyGraph
+from selftouch_drake.quotient.paths import locally_scaled, one_ring
+from selftouch_drake.quotient.sensations import angles, unlike
 
 Progress = Callable[[float], None]
 
@@ -65,35 +60,16 @@ _MOST_APART = 0.07
 #: body. It crosses a rim if it is shorter than around by more than the noise, times this factor.
 _RINGS, _OVER_NOISE = 2, 1.5
 
-#: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
-#: of 1000 sets of 1000 take minutes, and change the minima only by a common factor.
-_LITERAL_QUERIES = 40
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BodyGraph:
-    """A graph along the body. Its nodes are kernels or, where a kernel is cut, its pieces.
+class DoubtedGraph(BodyGraph):
+    """A graph of another metric, used because the one that was asked for cannot be trusted.
 
     Attributes:
-        edges: `(E, 2)` pairs of nodes, i < j; the graph is connected.
-        length: `(E,)` positive, in the metric's unit.
-        kernel: `(N,)` the kernel of each node, ascending.
-        doubt: what could not be trusted, and what was used instead; None without doubt.
+        doubt: what could not be trusted, and what was used instead.
     """
 
-    edges: np.ndarray
-    length: np.ndarray
-    kernel: np.ndarray
-    doubt: str | None = None
-
-    @property
-    def ends(self) -> np.ndarray:
-        """`(E, 2)` the kernels that each edge joins."""
-        return self.kernel[self.edges]
-
-    def geodesics(self, length: np.ndarray) -> np.ndarray:
-        """`(N, N)` lengths of the shortest paths over edges of lengths `(E,)`."""
-        return geodesics(self.edges, length, len(self.kernel))
+    doubt: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,36 +92,24 @@ class ShapeMetric:
 def literal(
     representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
 ) -> BodyGraph:
-    """Exactly as in the paper: the complete graph of minimum distances, in rad."""
-    minimum = set_distances(
-        representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
-    )
-    i, j = np.triu_indices(len(minimum), 1)
-    edges = np.stack([i, j], axis=1)
-    return BodyGraph(edges=edges, length=minimum[i, j], kernel=np.arange(len(minimum)))
+    """As of `quotient.lengths.literal`."""
+    return lengths.literal(representation, progress)
 
 
 def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
-    """Set distances between neighbours, each scaled to the spacing around it."""
-    edges = representation.edges
-    length = locally_scaled(representation.set_distance[edges[:, 0], edges[:, 1]], edges)
-    return BodyGraph(edges=edges, length=length, kernel=np.arange(representation.num_targets))
+    """As of `quotient.lengths.motor`."""
+    return lengths.motor(representation)
 
 
 def sensorimotor(representation: QuotientRepresentation, skin: int, *_: object) -> BodyGraph:
-    """Neighbours by motor sets or by what they feel; lengths from sensations.
+    """As of `quotient.lengths.sensorimotor`, corrected for where the receptors lie.
 
-    These are the angles between target sensations, corrected for where the receptors lie if a model
-    of the receptors explains what is felt.
+    It is not corrected where no model of the receptors explains what is felt.
     """
+    graph = lengths.sensorimotor(representation)
     targets = representation.target_sensations
-    apart = np.where(unlike(targets), np.inf, target_distances(representation)[0])
-    edges = np.unique(np.vstack([representation.edges, neighbour_edges(apart)]), axis=0)
-    kernel, length = np.arange(len(targets)), angles(targets, edges)
-    corrected = corrected_lengths(targets, kernel, edges, length, skin)
-    if corrected is not None:
-        length = corrected
-    return BodyGraph(edges=edges, length=length, kernel=kernel)
+    corrected = corrected_lengths(targets, graph.kernel, graph.edges, graph.length, skin)
+    return graph if corrected is None else replace(graph, length=corrected)
 
 
 @one_thread
@@ -194,8 +158,13 @@ def learned(
         doubt = f"{strange:.0%} of the touches feel nothing in common with the nearest one"
     elif np.isfinite(apart):
         doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
-    doubt = f"{doubt}; the sensorimotor metric is used instead"
-    return replace(sensorimotor(representation, skin), doubt=doubt)
+    graph = sensorimotor(representation, skin)
+    return DoubtedGraph(
+        edges=graph.edges,
+        length=graph.length,
+        kernel=graph.kernel,
+        doubt=f"{doubt}; the sensorimotor metric is used instead",
+    )
 
 
 def _strange(sets: KernelSets, are_unlike: np.ndarray) -> float:

@@ -10,14 +10,10 @@ neighbours lie where a touch is within the discs of those that feel it, and outs
 import numpy as np
 from scipy.special import expit
 
-from selftouch_drake.agent.representation.graphs import (
-    component_labels,
-    geodesics,
-    neighbour_edges,
-    one_ring,
-)
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
-from selftouch_drake.agent.shape.embedding import classical_embedding
+from selftouch_drake.quotient.graph import neighbour_edges
+from selftouch_drake.quotient.layout import classical_embedding
+from selftouch_drake.quotient.paths import component_labels, geodesics, one_ring
 
 #: Most receptors that feel one touch. If each adds the same to the square of its strength, squares
 #: have at most so many steps. Of forces there are many more.

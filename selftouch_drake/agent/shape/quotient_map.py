@@ -17,8 +17,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from selftouch_drake.agent.network import Network, standardised, toward, train
-from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.threads import in_slices
+from selftouch_drake.quotient.kernels import KernelSets
+from selftouch_drake.quotient.threads import in_slices
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they learn
 #: finer waves around its ring, and do not separate its top from its bottom.

@@ -8,19 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.representation.graphs import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.shape.dimension import (
-    LEAST_KERNELS,
-    MISFIT,
-    intrinsic_dimension,
-    skin_dimension,
-    space_dimension,
-)
-from selftouch_drake.agent.shape.embedding import Embedding
-from selftouch_drake.agent.shape.fields import angles
-from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
-from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, DoubtedGraph
+from selftouch_drake.quotient.body import Shape, laid_out, measured, skin_of
+from selftouch_drake.quotient.dimension import MISFIT
+from selftouch_drake.quotient.holes import spacings
+from selftouch_drake.quotient.layout import Embedding
+from selftouch_drake.quotient.lengths import BodyGraph
 
 #: Logarithm of the expected shape error: constant, and slopes in the logarithms of stress,
 #: unevenness and number of kernels. Calibrated by least squares on the bodies, skins, joints,
@@ -39,37 +33,19 @@ class DistrustWarning(UserWarning):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RecoveredPart:
+class RecoveredPart(Shape):
     """One part of the body as one metric measures it: n kernels.
 
     Attributes:
         doubt: why the metric cannot be trusted here, and what was used instead; None if it can.
         kernels: `(n,)` kernels on this part, ascending.
-        distances: `(n, n)` geodesic distances along the part, in the metric's unit.
-        skin: dimension of the skin, 1 for a line and 2 for a surface.
-        space: dimension of the space that the part needs, 2, 3 or 4.
-        embedding: layout of the kernels in that space, in a pose and unit of this part; in three
-            dimensions if the part needs a fourth.
-        pieces: `(P, d)` positions of the pieces of kernels that were cut into pieces.
-        topology: its holes; None if not requested, or if all places lie in a plane of three
-            dimensions.
-        dimension: its intrinsic dimension; None if not requested, or with fewer than 50 kernels.
+        pieces: `(P, d)` positions of the pieces of kernels that were cut into pieces; holes are
+            those of kernels and pieces.
     """
 
     doubt: str | None
     kernels: np.ndarray
-    distances: np.ndarray
-    skin: int
-    space: int
-    embedding: Embedding
     pieces: np.ndarray
-    topology: Topology | None
-    dimension: float | None
-
-    @property
-    def positions(self) -> np.ndarray:
-        """`(n, d)` positions of the kernels, d = 2 or 3."""
-        return self.embedding.positions
 
     @property
     def places(self) -> np.ndarray:
@@ -211,41 +187,44 @@ def recover(
 
         kernels = np.flatnonzero(representation.part == number)
         part = representation.restricted(kernels)
-        by_feel = angles(part.target_sensations, part.edges)
-        skin = skin_dimension(geodesics(part.edges, by_feel, len(kernels)))
+        skin = skin_of(part)
         graph = SHAPE_METRICS[metric].graph(part, skin, seed, of_part)
-        if graph.doubt is not None:
+        doubt = graph.doubt if isinstance(graph, DoubtedGraph) else None
+        if doubt is not None:
             warnings.warn(
                 f"the {metric} metric cannot be trusted on a part of {len(kernels)} kernels: "
-                f"{graph.doubt}",
+                f"{doubt}",
                 DistrustWarning,
                 stacklevel=2,
             )
-        kernel, distances = graph.kernel, graph.geodesics(graph.length)
-        lay_out = SHAPE_METRICS[metric].layout
-        layout = lay_out(graph.edges, distances, skin + 1)
-        space = space_dimension(graph.edges, distances, layout, skin)
-        if skin + 1 != min(space, 3):
-            layout = lay_out(graph.edges, distances, space)
-        # The position and the distances of a kernel are the means over its pieces.
-        num_pieces = np.bincount(kernel)[kernel]
-        mean = csr_array((1.0 / num_pieces, (kernel, np.arange(len(kernel)))))
-        positions, pieces = mean @ layout.positions, layout.positions[num_pieces > 1]
-        places = np.concatenate([positions, pieces])
-        between = mean @ (mean @ distances).T
-        np.fill_diagonal(between, 0.0)
-        enough = len(kernels) >= LEAST_KERNELS
-        found = RecoveredPart(
-            doubt=graph.doubt,
-            kernels=kernels,
-            distances=between,
-            skin=skin,
-            space=space,
-            embedding=dataclasses.replace(layout, positions=positions),
-            pieces=pieces,
-            topology=topology(places) if holes and not flat(places) else None,
-            dimension=intrinsic_dimension(between, skin) if holes and enough else None,
-        )
-        parts.append(found)
+        parts.append(_recovered_part(kernels, graph, skin, metric, doubt, holes))
         of_part(1.0)
     return RecoveredBody(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
+
+
+def _recovered_part(
+    kernels: np.ndarray, graph: BodyGraph, skin: int, metric: str, doubt: str | None, holes: bool
+) -> RecoveredPart:
+    """A part of the body, of kernels `(n,)`, from its graph."""
+    kernel, distances = graph.kernel, graph.geodesics(graph.length)
+    layout, space = laid_out(graph.edges, distances, skin, SHAPE_METRICS[metric].layout)
+    # The position and the distances of a kernel are the means over its pieces.
+    num_pieces = np.bincount(kernel)[kernel]
+    mean = csr_array((1.0 / num_pieces, (kernel, np.arange(len(kernel)))))
+    positions, pieces = mean @ layout.positions, layout.positions[num_pieces > 1]
+    between = mean @ (mean @ distances).T
+    np.fill_diagonal(between, 0.0)
+    found, dimension = None, None
+    if holes:
+        found, dimension = measured(np.concatenate([positions, pieces]), between, skin)
+    return RecoveredPart(
+        doubt=doubt,
+        kernels=kernels,
+        distances=between,
+        skin=skin,
+        space=space,
+        embedding=dataclasses.replace(layout, positions=positions),
+        pieces=pieces,
+        topology=found,
+        dimension=dimension,
+    )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from selftouch_drake.agent.shape.embedding import one_thread
+from selftouch_drake.quotient.layout import one_thread
 
 #: Weights of the suppositions: sensitivities of receptors, widths of touches, distances of touches
 #: from where their joints put them, and `1 / d^2` of receptors that are d apart. Chosen on three

@@ -10,8 +10,8 @@ from scipy.interpolate import CubicHermiteSpline
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.agent.planning.timing import BRAKING_S, braking
 from selftouch_drake.geometry.farthest import farthest_points
-from selftouch_drake.robot import Simulation
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import END, FRAME_S
 from selftouch_drake.show.run_data import RunData
@@ -23,10 +23,6 @@ TARGET, SPEED, TOUR = "target sensation", "speed", "tour on/off"
 _REST_S = 1.0
 # Stops of a tour: as different as possible, so that it covers the whole body.
 _NUM_STOPS = 24
-#: s, from full speed to rest: at 1 rad/s that is 2.5 rad/s², half of what plans may use.
-BRAKING_S = 0.4
-# s, between two samples of a motion that is slowed down.
-_STEP_S = 0.01
 # Frames between two drawings of the trace.
 _TRACE_EVERY = 6
 
@@ -56,7 +52,7 @@ class LiveShow:
         self._pilot, self._announce, self._meshcat = pilot, announce, meshcat
         self._data = data
         self._scene = MeshcatScene(meshcat, data, beside_panel=True)
-        self.simulation = Simulation(data.run.experiment, data.world.skins)
+        self.simulation = self._scene.simulation
         members = known.members(0)
         firm = np.argmin(np.abs(known.kernel_strength[members] - self._scene.full))
         self.simulation.rest_at(known.kernel_q[members][firm].astype(float))
@@ -131,7 +127,7 @@ class LiveShow:
         return None
 
     def _begin(self) -> None:
-        simulation, robot = self.simulation, self.simulation.robot
+        simulation, robot = self.simulation, self._data.world.robot
         q_start = np.clip(simulation.q_commanded, robot.lower, robot.upper)
         try:
             motion = self._pilot.plan_feeling(q_start, simulation.felt, self.goal).motion
@@ -186,8 +182,6 @@ def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.nd
     Returns:
         `(N,)` s from 0, `(N, J)` configurations and `(N, J)` their velocities.
     """
-    since = np.linspace(0.0, BRAKING_S, round(BRAKING_S / _STEP_S) + 1)
-    # The motion's own time, which goes on ever more slowly.
-    at = (time_s + since - since**2 / (2 * BRAKING_S)).clip(0.0, motion.time_s[-1])
+    since, at, share = braking(time_s, motion.time_s[-1])
     path = CubicHermiteSpline(motion.time_s, motion.q, motion.v)
-    return since, path(at), path(at, 1) * (1.0 - since / BRAKING_S)[:, None]
+    return since, path(at), path(at, 1) * share[:, None]

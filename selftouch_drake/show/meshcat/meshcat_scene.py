@@ -18,12 +18,13 @@ from pydrake.perception import BaseField, Fields, PointCloud
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.run.directory import MissingError
-from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames, linear_light, rgba
-from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot, put_text
+from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, Stage, put_text
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinPath, typical_extent
 from selftouch_drake.show.style import BLUE, GREEN, ORANGE, RECOVERED, VERMILION, VIEW
+from selftouch_drake.systems.simulation import Simulation
+from selftouch_drake.systems.skin_drawing import SkinDrawing, key_frames, linear_light, rgba
 
 # Postures of the experience that show where the skins move.
 _NUM_POSTURES = 200
@@ -45,20 +46,33 @@ def firm_touch(representation: QuotientRepresentation) -> float:
     return float(np.quantile(representation.kernel_strength, 0.75))
 
 
-class MeshcatScene(FeelingRobot):
+class MeshcatScene(Stage):
     """Draws the scene of a run that has learned, and moves and colours the parts that change.
 
+    The robot in the middle, its skins and their readings are those of the simulation.
+
     Attributes:
+        simulation: of the robot; it shows itself.
+        full: N, the reading with the strongest colour.
         expected: the skins that show an expected sensation `(S,)` of unit L2 norm.
     """
 
     def __init__(self, meshcat: Meshcat, data: RunData, *, beside_panel: bool = False):
         known = data.representation
         postures = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
-        full = firm_touch(known)
-        super().__init__(
-            meshcat, data.world, full=full, postures=postures, beside_panel=beside_panel
+        super().__init__(meshcat, data.world, postures=postures, beside_panel=beside_panel)
+        self.full = firm_touch(known)
+        self.simulation = Simulation(
+            data.run.experiment.after(0),
+            data.world.skins,
+            num_joints=data.world.robot.num_joints,
+            meshcat=meshcat,
+            full=self.full,
         )
+        self.simulation.rest_at(self.home)
+        self.simulation.show()
+        touching = data.world.experiment.touching
+        self._are_balls = [touching[t.name].radius is not None for t in data.world.robot.touchers]
         self._targets = known.target_sensations
         # Paths move with the skin that they are on.
         self._plan_roots = [f"/skins/{skin.name}/plan" for skin in data.skins]
@@ -76,8 +90,7 @@ class MeshcatScene(FeelingRobot):
         return np.argmax(felt @ self._targets.T, axis=-1)
 
     def show(self, q: np.ndarray, felt: np.ndarray) -> None:
-        """Shows the robot at `(J,)` q, feeling `(S,)` N, also on the recovered body."""
-        super().show(q, felt)
+        """Shows beside the robot that it is at `(J,)` q and feels `(S,)` N."""
         self.expected.move(self._robot.skin_positions(q[None])[0])
         place = self._places[self.nearest(felt)]
         if felt.any() and np.isfinite(place).all():
@@ -86,15 +99,19 @@ class MeshcatScene(FeelingRobot):
     def record(
         self, recording: MeshcatAnimation, q: np.ndarray, felt: np.ndarray, expected: np.ndarray
     ) -> None:
-        """Adds to a recording q `(frames, J)`, felt `(frames, S)` N and expected `(frames, S)`."""
+        """Adds what was simulated before to a recording that has begun.
+
+        Args:
+            recording: of the scene's Meshcat.
+            q: `(frames, J)` rad or m, where the joints were.
+            felt: `(frames, S)` N.
+            expected: `(frames, S)` of unit L2 norm.
+        """
         for frame, configuration in enumerate(q):
-            self._publish(configuration, frame / FRAMES_PER_S)
-        p_WT = self._robot.toucher_positions(q)
-        for number, path in self._balls.items():
-            for frame, place in enumerate(p_WT[:, number]):
-                recording.SetTransform(frame, path, RigidTransform(place))
+            self.simulation.pose(configuration, frame / FRAMES_PER_S)
         poses = self._robot.skin_positions(q)
-        self._skins.record(recording, poses, felt / self.full)
+        centres = self._robot.toucher_positions(q)[:, self._are_balls]
+        self.simulation.visualizer.Record(recording, poses, felt, centres)
         self.expected.record(recording, poses, expected)
         # Where nothing is felt, the kernel that was felt last.
         touched = np.where(felt.any(axis=1), np.arange(len(felt)), 0)

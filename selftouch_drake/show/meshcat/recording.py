@@ -1,13 +1,12 @@
 """An executed plan as a Meshcat animation, and as a page that needs no network."""
 
-import gc
 import html
 
 import numpy as np
 from pydrake.geometry import Meshcat
 
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
-from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, open_meshcat
+from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, drawn_page
 from selftouch_drake.show.run_data import RunData, Targets
 from selftouch_drake.show.skins import touch_paths
 
@@ -24,30 +23,32 @@ def recording_page(data: RunData, targets: Targets) -> str:
         MissingError: the plan was not executed.
     """
     data.execution(*targets)
-    page, full = _recorded(data, targets)
-    # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
-    gc.collect()
+    with drawn_page() as meshcat:
+        full = record(meshcat, data, targets)
+        page = meshcat.StaticHtml()
     name = data.run.experiment.name
-    title = html.escape(f"{name}: sensation {' to '.join(map(str, targets))}")
-    # What the colours mean, over Meshcat's page.
+    return with_legend(
+        page,
+        f"{name}: sensation {' to '.join(map(str, targets))}",
+        "The agent touches itself. Blue is its plan, from green to blue; orange is the path that "
+        "it took; red on the recovered body is where it feels itself. The more a receptor feels, "
+        f"the darker it is, up to {full:.1f} N per receptor.",
+    )
+
+
+def with_legend(page: str, title: str, text: str) -> str:
+    """A page of Meshcat's with its title, and over it what its colours mean."""
+    title = html.escape(title)
     legend = f"""
   <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
               font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
     <strong>{title}</strong><br>
-    The agent touches itself. Blue is its plan, from green to blue; orange is the path that it
-    took; red on the recovered body is where it feels itself. The more a receptor feels, the darker
-    it is, up to {full:.1f} N per receptor.
+    {html.escape(text)}
   </div>
 """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
     head, end, tail = page.rpartition("</body>")
     return head + legend + end + tail
-
-
-def _recorded(data: RunData, targets: Targets) -> tuple[str, float]:
-    meshcat = open_meshcat()
-    full = record(meshcat, data, targets)
-    return meshcat.StaticHtml(), full
 
 
 def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:

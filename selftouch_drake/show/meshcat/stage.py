@@ -2,20 +2,28 @@
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import manifold3d
 import numpy as np
 from matplotlib.textpath import TextPath
-from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, SceneGraph, Sphere
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatAnimation,
+    MeshcatParams,
+    MeshcatVisualizer,
+    SceneGraph,
+    Sphere,
+)
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.robot import MakeRobot, World
-from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, rgba
-from selftouch_drake.show.skins import all_moved, as_one, moved, surfaces_of
+from selftouch_drake.show.skins import SkinSurface, all_moved, as_one, moved, surfaces_of
 from selftouch_drake.show.style import FIRM, INK, VERMILION, VIEW
+from selftouch_drake.systems.skin_drawing import SkinDrawing, rgba
+from selftouch_drake.threads import OncePerThread
 
 FRAMES_PER_S = 30
 #: s between two frames, and between two readings of the controls.
@@ -26,6 +34,8 @@ END = "end"
 APART = 1.55
 # Share of the places of moving skins that may overlap with the neighbours, on each side.
 _RARE = 0.03
+# All that is drawn on a page.
+_ALL_PATHS = ("/drake", "/skins", "/touching", "/expected", "/recovered", "/titles", "/status")
 # Between lines of text, as a share of the size, and the line of the status.
 _LINE, _STATUS = 0.18, 2
 
@@ -50,6 +60,29 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         logger.setLevel(level)
 
 
+@OncePerThread
+def page_meshcat() -> Meshcat:
+    """The Meshcat in which a thread draws pages to be stored.
+
+    Older Drakes never free a diagram with a Python system, nor the Meshcat that it shows itself in:
+    a thread keeps one, whatever the number of its pages.
+    """
+    return open_meshcat()
+
+
+@contextlib.contextmanager
+def drawn_page() -> Iterator[Meshcat]:
+    """An empty Meshcat for a page to be stored; it is emptied again afterwards."""
+    meshcat = page_meshcat()
+    try:
+        yield meshcat
+    finally:
+        meshcat.DeleteRecording()
+        meshcat.DeleteAddedControls()
+        for path in _ALL_PATHS:
+            meshcat.Delete(path)
+
+
 @contextlib.contextmanager
 def shown_page(
     name: str, port: int | None = None, announce: Callable[[str], None] = print
@@ -65,21 +98,17 @@ def shown_page(
     announce("ended")
 
 
-class FeelingRobot:
-    """A robot in Meshcat that can be posed and coloured by sensations, with text below.
-
-    Its diagram feels nothing: on older Drakes one with a Python system is never freed, nor is the
-    Meshcat that it shows itself in.
+class Stage:
+    """The background, the camera and the text of a page that shows a robot.
 
     Args:
         postures: `(n, J)` for which there is to be room; by default `home`.
-        beside_panel: whether it stands left of the middle of the page, so that Meshcat's controls
-            do not cover its neighbours on a page that is at least 4:3.
+        beside_panel: whether the robot stands left of the middle of the page, so that Meshcat's
+            controls do not cover its neighbours on a page that is at least 4:3.
 
     Attributes:
         home: `(J,)` rad or m, the posture that its model has by default.
         size: m, of its skins in that posture, or of what they move over.
-        full: N, the reading with the strongest colour.
         status: the text.
     """
 
@@ -88,42 +117,14 @@ class FeelingRobot:
         meshcat: Meshcat,
         world: World,
         *,
-        full: float = FIRM,
         postures: np.ndarray | None = None,
         beside_panel: bool = False,
     ):
-        self._meshcat, self._robot, self.full, self.status = meshcat, world.robot, full, ""
-        builder, scene_graph = DiagramBuilder(), SceneGraph()
-        builder.AddSystem(scene_graph)
-        plant = MakeRobot(world.experiment, world.skins, scene_graph).plant
-        to_pose = MultibodyPositionToGeometryPose(plant)
-        builder.AddSystem(to_pose)
-        source_id = plant.get_source_id()
-        assert source_id is not None  # the plant is registered by MakeRobot
-        builder.Connect(to_pose.get_output_port(), scene_graph.get_source_pose_port(source_id))
-        builder.ExportInput(to_pose.get_input_port(), "q")
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-        self._diagram = builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
+        self._meshcat, self._robot, self.status = meshcat, world.robot, ""
+        plant = world.robot.plant
         self.home = plant.GetPositions(plant.CreateDefaultContext())
-        self._skins = SkinDrawing(meshcat, "/skins", surfaces_of(world.skins))
-        self._balls = dict[int, str]()
-        for number, toucher in enumerate(world.robot.touchers):
-            if (radius := world.experiment.touching[toucher.name].radius) is not None:
-                self._balls[number] = f"/touching/{number}"
-                # A little larger than what the model may draw of it.
-                meshcat.SetObject(self._balls[number], Sphere(1.02 * radius), rgba(VERMILION))
-        self._make_room(self.home[None] if postures is None else postures)
+        self._make_room(surfaces_of(world.skins), self.home[None] if postures is None else postures)
         self._set_stage(beside_panel=beside_panel)
-
-    def show(self, q: np.ndarray, felt: np.ndarray) -> None:
-        """Shows the robot at `(J,)` q, feeling `(S,)` N."""
-        self._publish(q)
-        self._skins.move(self._robot.skin_positions(q[None])[0])
-        places = self._robot.toucher_positions(q[None])[0]
-        for number, path in self._balls.items():
-            self._meshcat.SetTransform(path, RigidTransform(places[number]))
-        self._skins.show(felt / self.full)
 
     def say(self, text: str) -> None:
         """Writes one or two lines below the robot."""
@@ -131,17 +132,11 @@ class FeelingRobot:
             self._write("/status", text, line=_STATUS)
             self.status = text
 
-    def _publish(self, q: np.ndarray, time_s: float = 0.0) -> None:
-        self._diagram.GetInputPort("q").FixValue(self._context, q)
-        self._context.SetTime(time_s)
-        self._diagram.ForcedPublish(self._context)
-
     def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: int = 0):
         centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
         put_text(self._meshcat, path, text, centre, 0.08 * self.size)
 
-    def _make_room(self, postures: np.ndarray) -> None:
-        skins = self._skins.skins
+    def _make_room(self, skins: Sequence[SkinSurface], postures: np.ndarray) -> None:
         at_home = as_one(all_moved(skins, self._robot.skin_positions(self.home[None])[0])).vertices
         low, high = at_home.min(axis=0), at_home.max(axis=0)
         self._middle = (low + high) / 2
@@ -169,6 +164,73 @@ class FeelingRobot:
             distance *= 1.25
             centre = centre + 0.2 * distance * VIEW.axes[0]
         self._meshcat.SetCameraPose(centre + distance * VIEW.towards, centre)
+
+
+class FeelingRobot(Stage):
+    """A robot in Meshcat that is posed and coloured: of stored touches, and of sliders.
+
+    Nothing is simulated, and it feels nothing itself: who shows it says where it is and what it
+    feels. What is simulated shows itself, by `MakeSelfTouchDiagram`. Without a Python system, its
+    diagram is freed by older Drakes too, and so is its Meshcat.
+
+    Args:
+        full: N, the reading with the strongest colour; all else as of `Stage`.
+    """
+
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        world: World,
+        *,
+        full: float = FIRM,
+        postures: np.ndarray | None = None,
+        beside_panel: bool = False,
+    ):
+        super().__init__(meshcat, world, postures=postures, beside_panel=beside_panel)
+        self.full = full
+        builder, scene_graph = DiagramBuilder(), SceneGraph()
+        builder.AddSystem(scene_graph)
+        plant = MakeRobot(world.experiment, world.skins, scene_graph).plant
+        to_pose = MultibodyPositionToGeometryPose(plant)
+        builder.AddSystem(to_pose)
+        source_id = plant.get_source_id()
+        assert source_id is not None  # the plant is registered by MakeRobot
+        builder.Connect(to_pose.get_output_port(), scene_graph.get_source_pose_port(source_id))
+        builder.ExportInput(to_pose.get_input_port(), "q")
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._skins = SkinDrawing(meshcat, "/skins", surfaces_of(world.skins))
+        self._balls = dict[int, str]()
+        for number, toucher in enumerate(world.robot.touchers):
+            if (radius := world.experiment.touching[toucher.name].radius) is not None:
+                self._balls[number] = f"/touching/{number}"
+                # A little larger than what the model may draw of it.
+                meshcat.SetObject(self._balls[number], Sphere(1.02 * radius), rgba(VERMILION))
+
+    def show(self, q: np.ndarray, felt: np.ndarray) -> None:
+        """Shows the robot at `(J,)` q, feeling `(S,)` N."""
+        self._publish(q)
+        self._skins.move(self._robot.skin_positions(q[None])[0])
+        places = self._robot.toucher_positions(q[None])[0]
+        for number, path in self._balls.items():
+            self._meshcat.SetTransform(path, RigidTransform(places[number]))
+        self._skins.show(felt / self.full)
+
+    def record(self, recording: MeshcatAnimation, q: np.ndarray, felt: np.ndarray) -> None:
+        """Adds frames to a recording that has begun: q `(frames, J)`, felt `(frames, S)` N."""
+        for frame, configuration in enumerate(q):
+            self._publish(configuration, frame / FRAMES_PER_S)
+        places = self._robot.toucher_positions(q)
+        for number, path in self._balls.items():
+            for frame, place in enumerate(places[:, number]):
+                recording.SetTransform(frame, path, RigidTransform(place))
+        self._skins.record(recording, self._robot.skin_positions(q), felt / self.full)
+
+    def _publish(self, q: np.ndarray, time_s: float = 0.0) -> None:
+        self._diagram.GetInputPort("q").FixValue(self._context, q)
+        self._context.SetTime(time_s)
+        self._diagram.ForcedPublish(self._context)
 
 
 # Size at which outlines are taken from the font: fine enough that bends look round.

@@ -7,8 +7,8 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 from pydrake.trajectories import BsplineTrajectory
 from scipy.interpolate import BSpline
 
-from selftouch_drake.agent.planning.smoothing import smooth_path
-from selftouch_drake.agent.planning.timing import fastest_progress
+from selftouch_drake.agent.planning.fastest import fastest_progress
+from selftouch_drake.quotient.smooth import smooth_path
 
 VELOCITY = np.array([1.0, 1.5, 2.0])
 ACCELERATION = np.array([4.0, 5.0, 6.0])

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from kernels_by_hand import laid_by_hand
+from by_hand import laid_by_hand
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Felt

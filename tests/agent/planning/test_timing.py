@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.agent.planning import timing
-from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.timing import speed_shares, time_path
+from selftouch_drake.quotient.smooth import smooth_path
 
 VELOCITY = np.array([1.0, 1.5, 2.0])
 ACCELERATION = np.array([4.0, 5.0, 6.0])

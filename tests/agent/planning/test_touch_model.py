@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from kernels_by_hand import laid_by_hand
+from by_hand import laid_by_hand
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory, Slides
@@ -37,16 +37,13 @@ def met(q, firmness=None):
     ring = [sorted((k, (k + 1) % NUM_KERNELS)) for k in range(NUM_KERNELS)]
     sizes = np.bincount(kernel, minlength=NUM_KERNELS)
     means = np.array([sensation[kernel == k].mean(axis=0) for k in range(NUM_KERNELS)])
-    flat = laid_by_hand([np.zeros(size) for size in sizes], sorted(ring))
-    representation = dataclasses.replace(
-        flat,
+    representation = laid_by_hand(
+        np.split(q, np.cumsum(sizes)[:-1]),
+        sorted(ring),
         target_sensations=means / np.linalg.norm(means, axis=1, keepdims=True),
-        kernel_q=q,
         kernel_row=order,
         kernel_strength=firmness[order],
-        mode_joints=np.ones((1, 6), dtype=bool),
         joint_scale=np.full(6, 4.0),
-        overlap=np.ones((24, 24), dtype=bool),
     )
     return representation, csr_array(sensation.astype(np.float32))
 

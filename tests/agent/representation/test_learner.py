@@ -1,5 +1,6 @@
 import dataclasses
 import pickle
+import sys
 import warnings
 
 import numpy as np
@@ -8,9 +9,11 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
+from selftouch_drake import quotient
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.graphs import DisconnectedWarning, component_labels
 from selftouch_drake.agent.representation.learning import learn
+from selftouch_drake.quotient.graph import DisconnectedWarning
+from selftouch_drake.quotient.paths import component_labels
 
 
 def test_kernels_hold_rows_of_the_experience_that_feel_alike(experience, learner, representation):
@@ -131,9 +134,10 @@ def cut(arrays, *cuts):
 @pytest.mark.parametrize("cuts", [(1, 2, 50), (0, 3000, 3000), tuple(range(7, 6000, 701))])
 def test_batches_of_any_size_give_the_same_bytes(cuts, experience, learner, monkeypatch):
     # A small reservoir and small blocks, so that both passes drop rows and split batches.
-    monkeypatch.setattr("selftouch_drake.agent.representation.learning.MAX_ROWS", 900)
-    monkeypatch.setattr("selftouch_drake.agent.representation.batches._BLOCK", 512)
-    monkeypatch.setattr("selftouch_drake.agent.representation.kernels._LEAST_WAITING", 1000)
+    # The function `learn` hides its module.
+    monkeypatch.setattr(sys.modules["selftouch_drake.quotient.learn"], "MAX_ROWS", 900)
+    monkeypatch.setattr(quotient.batches, "_BLOCK", 512)
+    monkeypatch.setattr(quotient.reservoir, "_LEAST_WAITING", 1000)
     whole, fitted = (
         clone(learner).fit_batches(batches) for batches in (cut(experience), cut(experience, *cuts))
     )

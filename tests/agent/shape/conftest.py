@@ -2,4 +2,4 @@ import sys
 from pathlib import Path
 
 # pytest's importlib mode imports each test file by itself: this lets them share `bodies`.
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2] / "quotient"))

@@ -3,8 +3,10 @@ import pytest
 from bodies import sphere
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.graphs import geodesics, neighbour_edges
-from selftouch_drake.agent.shape.fields import angles, corrected_lengths
+from selftouch_drake.agent.shape.fields import corrected_lengths
+from selftouch_drake.quotient.graph import neighbour_edges
+from selftouch_drake.quotient.paths import geodesics
+from selftouch_drake.quotient.sensations import angles
 
 
 def receptors():

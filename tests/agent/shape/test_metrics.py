@@ -4,13 +4,13 @@ from bodies import shape_error, sphere
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.graphs import neighbour_edges, surface_neighbours
 from selftouch_drake.agent.shape import metrics
-from selftouch_drake.agent.shape.dimension import intrinsic_dimension
-from selftouch_drake.agent.shape.homology import topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
 from selftouch_drake.experiment import schema
+from selftouch_drake.quotient.dimension import intrinsic_dimension
+from selftouch_drake.quotient.graph import neighbour_edges, surface_neighbours
+from selftouch_drake.quotient.holes import topology
 
 
 @pytest.fixture(scope="module")

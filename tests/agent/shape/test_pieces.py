@@ -1,8 +1,8 @@
 import numpy as np
 from bodies import sphere
 
-from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
+from selftouch_drake.quotient.kernels import KernelSets
 
 
 def cells_on_a_sphere(centres, points):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.network import Network, toward, train
-from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.shape import quotient_map
 from selftouch_drake.agent.shape.cells import Cells
 from selftouch_drake.agent.shape.quotient_map import (
@@ -10,6 +9,7 @@ from selftouch_drake.agent.shape.quotient_map import (
     quotient_coordinates,
     scatter_loss,
 )
+from selftouch_drake.quotient.kernels import KernelSets
 
 
 def central_difference(function, array, step):
@@ -75,7 +75,7 @@ def test_any_number_of_cores_gives_the_same_network(num_cores, monkeypatch):
         train(network, x, lambda: np.arange(len(x)), lambda outputs, _: outputs, 20)
         return b"".join(weight.tobytes() for weight in network.weights)
 
-    monkeypatch.setattr("joblib.cpu_count", lambda: num_cores)
+    monkeypatch.setattr("selftouch_drake.quotient.threads.num_cores", lambda: num_cores)
     here = weights()
     monkeypatch.undo()
     assert here == weights()

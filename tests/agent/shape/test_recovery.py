@@ -4,8 +4,8 @@ from bodies import flat_torus, shape_error
 from skins import touch
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.shape.homology import fitted_surface
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
+from selftouch_drake.quotient.surface import fitted_surface
 
 
 @pytest.fixture(scope="module")

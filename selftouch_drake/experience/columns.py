@@ -1,0 +1,154 @@
+"""Columns of recorded tables, of Parquet, CSV and NPZ files, as numbers and as words."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from selftouch_drake.experience.store import UNREADABLE, one_chunk
+from selftouch_drake.experiment import shown
+from selftouch_drake.files import load_arrays
+
+#: A column of a table, or an array of an archive.
+Column: TypeAlias = pa.ChunkedArray | np.ndarray
+_DELIMITERS = ",;\t| "
+# What stands around and between the numbers of a list that is written as text.
+_AROUND, _BETWEEN = " \t\r\n[](){},;", r"[\s,;]+"
+# Bytes at the start of a text file that show how it is written.
+_HEAD = 65_536
+# A column with so many different words or whole numbers may say what touched.
+_FEW_VALUES = range(2, 21)
+
+
+class RecordingError(ValueError):
+    """A recording that cannot be used; the text names the file or column, and the remedy."""
+
+
+def read_columns(path: Path, delimiter: str | None) -> Mapping[str, Column]:
+    """All columns of a file by their names; the delimiter is as of `read_recording`.
+
+    Raises:
+        RecordingError: the file is damaged, or the delimiter is more than one character.
+        ValueError: an archive is damaged.
+    """
+    kind = path.suffix.lower()
+    if kind == ".npz":
+        return load_arrays(path)
+    try:
+        table = pq.read_table(path) if kind == ".parquet" else _read_text(path, delimiter)
+    except UNREADABLE as error:
+        reason = " ".join(str(error).split())[:200]
+        raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
+    return {name: table.column(name) for name in table.column_names}
+
+
+def _read_text(path: Path, delimiter: str | None) -> pa.Table:
+    """A CSV file as a table; the delimiter is as of `read_recording`."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD).decode("utf-8", errors="replace")
+    if delimiter is None:
+        first, *_ = head.splitlines() or [""]
+        delimiter = max(_DELIMITERS, key=re.sub(r'"[^"]*"', "", first).count)
+    elif len(delimiter) != 1:
+        raise RecordingError(f"--delimiter is {shown(delimiter)}; give one character, such as ;")
+    # A cell in quotes may hold an array that was printed over several lines.
+    options = pa.csv.ParseOptions(delimiter=delimiter, newlines_in_values='"' in head)
+    return pa.csv.read_csv(path, parse_options=options)
+
+
+def numbers_in(column: Column, what: str) -> np.ndarray:
+    """`(n, ...)` numbers of a column, which errors call `what`; NaN where one is missing.
+
+    Raises:
+        RecordingError: it does not hold a number, or an array of numbers, in each row.
+    """
+    numbers = _of_arrow(one_chunk(column), what) if isinstance(column, pa.ChunkedArray) else column
+    if numbers.dtype.kind not in "fiub":
+        raise RecordingError(f"{what} holds {numbers.dtype}; name a column that holds numbers")
+    if numbers.ndim == 0:
+        raise RecordingError(f"{what} is one number; give one row for each instant")
+    if numbers.dtype.kind == "b":
+        return numbers.astype(np.uint8)
+    if numbers.dtype.kind != "f" and numbers.dtype.itemsize == 8 and numbers.size:
+        # CSV files and lists use eight bytes for each number.
+        ends = map(np.min_scalar_type, (numbers.min(), numbers.max()))
+        numbers = numbers.astype(np.result_type(*ends))
+    return numbers
+
+
+def words_in(column: Column, *, few: bool = False) -> np.ndarray | None:
+    """`(n,)` what each row of a column holds, as text; None if that is no word and no number.
+
+    If `few`, None as well unless these are few different words or whole numbers.
+    """
+    if isinstance(column, pa.ChunkedArray):
+        kind = column.type
+        if pa.types.is_string(kind) or pa.types.is_dictionary(kind):
+            column = column.cast(pa.string()).fill_null("")
+        elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            return None
+        column = column.to_numpy()
+    whole_or_words = "iubUO"
+    if column.ndim != 1 or column.dtype.kind not in (whole_or_words if few else "iubUOf"):
+        return None
+    values, place = np.unique(column, return_inverse=True)
+    if few and len(values) not in _FEW_VALUES:
+        return None
+    return np.array([plain(value) for value in values])[place]
+
+
+def plain(value: object) -> str:
+    """A word, or a number in one form: 1, 1.0 and "1" are equal."""
+    try:
+        return f"{float(str(value)):g}"
+    except ValueError:
+        return str(value)
+
+
+def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
+    """`(n, ...)` what a column holds, lists of one length as further axes; NaN if missing."""
+    if isinstance(column, pa.ExtensionArray):
+        column = column.storage
+    kind = column.type
+    if not _is_list(kind):
+        try:
+            if pa.types.is_string(kind):
+                return _of_arrow(_lists_in_text(column), what)
+            return column.to_numpy(zero_copy_only=False)
+        except pa.ArrowException:
+            raise RecordingError(f"{what} holds {kind}; name a column that holds numbers") from None
+    there = np.asarray(column.is_valid())
+    lengths = np.asarray(pa.compute.list_value_length(column.filter(pa.array(there))))
+    if len(lengths) and (lengths != lengths[0]).any():
+        row = int(np.flatnonzero(there)[np.flatnonzero(lengths != lengths[0])[0]])
+        raise RecordingError(
+            f"{what} has arrays of length {lengths[0]}, but another length in row {row}; "
+            "record the same number of values in each row"
+        )
+    values = _of_arrow(column.flatten(), what)
+    width = int(lengths[0]) if len(lengths) else 0
+    rows = values.reshape(len(lengths), width, *values.shape[1:])
+    if there.all():
+        return rows
+    found = np.full((len(there), *rows.shape[1:]), np.nan)
+    found[there] = rows
+    return found
+
+
+def _is_list(kind: pa.DataType) -> bool:
+    return (
+        pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
+    )
+
+
+def _lists_in_text(column: pa.Array) -> pa.Array:
+    """Cells such as `[0.1, 0.2]` or `0.1 0.2` as lists of numbers."""
+    cells = pa.compute.utf8_trim(column, _AROUND)
+    cells = pa.compute.if_else(pa.compute.equal(cells, ""), None, cells)
+    return pa.compute.split_pattern_regex(cells, _BETWEEN).cast(pa.list_(pa.float64()))

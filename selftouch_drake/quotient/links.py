@@ -1,0 +1,60 @@
+"""Links: the kernels between which a plan may step.
+
+The quotient graph measures the body, so one edge through it would distort all of it. A planner
+needs more freedom: `step_links` joins kernels between which the agent may step: the edges of the
+graph, so that all of a body can be reached, and all pairs of kernels that feel alike, however far
+apart their motor configurations are. A planner weights each link by the actual step and penalises
+leaps. So an unneeded link costs nothing, but a missing link costs a detour: over 200 plans on a
+torus (1000 targets), the cubed steps sum to 1.49 along edges alone and to 1.1 with links.
+"""
+
+import numpy as np
+
+from .sensations import target_distances
+
+#: Kernels whose targets are within this many spacings are linked; 1.4 to 2 work equally well.
+LINK_SPACINGS = 1.5
+# With few targets the spacing is too wide to be useful: sensations that have nothing in common are
+# sqrt(2) apart. This distance limits links to those that have more in common than not.
+_MOST_APART = 1.0
+
+# Links between targets farther apart than this many spacings are leaps: they cut through the body.
+_LEAP_SPACINGS = 1.25
+# The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
+# each on cube and torus (300 targets): out of contact 2.8 % of the time without it, 0.7 % with the
+# 8th power, 0.6 % with the 16th, on paths 4 % longer. With 1000 targets all work equally well.
+_LEAP_POWER = 16.0
+
+
+def step_links(
+    targets: np.ndarray, edges: np.ndarray, apart: np.ndarray | None = None
+) -> np.ndarray:
+    """`(L, 2)` the kernels between which plans may step, each pair once, in order.
+
+    Targets are `(K, S)`, of unit L2 norm; `(E, 2)` edges are those of the quotient graph. Nothing
+    else links pairs that are apart, `(K, K)` bool, if given.
+    """
+    distance, spacing = target_distances(targets)
+    linked = distance <= min(LINK_SPACINGS * spacing, _MOST_APART)
+    if apart is not None:
+        linked &= ~apart
+    i, j = edges.T
+    linked[i, j] = True
+    return np.argwhere(np.triu(linked | linked.T, 1))
+
+
+def link_lengths(targets: np.ndarray, links: np.ndarray) -> np.ndarray:
+    """`(L,)` lengths of `(L, 2)` links along the body as the agent feels it, in spacings."""
+    distance, spacing = target_distances(targets)
+    return distance[*links.T] / spacing
+
+
+def leap_penalty(length: np.ndarray) -> np.ndarray:
+    """`(L,)` factors, 1 or more, on the cost of links of these lengths, of `link_lengths`.
+
+    Configurations of two kernels can be close although the places that they touch are not: the
+    finger would leap through the inside of the body. The distance of the target sensations
+    separates these links from the others (area under the ROC curve, on edges of the graph, 0.94 to
+    0.98; the motor step alone 0.60 to 0.63).
+    """
+    return np.maximum(1.0, length / _LEAP_SPACINGS) ** _LEAP_POWER

@@ -1,0 +1,142 @@
+"""The internal representation: the quotient space M/=_Psi (paper, sections II and III).
+
+The agent cannot see the pose X of its end effector, nor the sensory function phi. By the paper's
+theorem it need not: M/=_Psi, which it can build from motor configurations M and sensations
+S = Psi(M) alone, is homeomorphic to X/=_phi, the quotient space of poses. Each point of M/=_Psi is
+a motor kernel set; distances between these sets, and the graph over near ones, are its topology.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from .kernels import KernelSets
+from .records import WHOLE, check_arrays
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Representation:
+    """Motor kernel sets, their distances and the graph over them.
+
+    K kernels over S receptors and J joints; R stored motor configurations in total. Motor
+    configurations are in the robot's units, which the agent does not know. All distances in motor
+    space are between scaled configurations, `q * joint_scale`. Their unit is called "rad": the unit
+    of a joint whose scale is 1.
+
+    Attributes:
+        target_sensations: `(K, S)` target sensations, unit L2 norm.
+        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        kernel_q: `(R, J)` in the robot's units, motor configurations, grouped by kernel.
+        kernel_row: `(R,)` row of each configuration in the experience, one for each place.
+        kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
+        kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
+        joint_scale: `(J,)` positive factors that make the joints comparable.
+        set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
+        edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted. See
+            `graph.surface_neighbours`.
+        edge_cost: `(E,)` rad, mean nearest-neighbour distance between the firm configurations of
+            both kernels, those felt more strongly than the median of their kernel.
+        num_touches: rows of the experience.
+
+    Raises:
+        ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
+    """
+
+    #: Fields that hold one entry for each stored configuration, and for each kernel.
+    by_row: ClassVar[tuple[str, ...]] = (
+        *("kernel_q", "kernel_row", "kernel_strength", "kernel_error"),
+    )
+    by_kernel: ClassVar[tuple[str, ...]] = ("target_sensations",)
+
+    target_sensations: np.ndarray
+    kernel_offsets: np.ndarray
+    kernel_q: np.ndarray
+    kernel_row: np.ndarray
+    kernel_strength: np.ndarray
+    kernel_error: np.ndarray
+    joint_scale: np.ndarray
+    set_distance: np.ndarray
+    edges: np.ndarray
+    edge_cost: np.ndarray
+    num_touches: int
+
+    def __post_init__(self) -> None:
+        matrices = dict.fromkeys(("target_sensations", "kernel_q"), (None, None))
+        check_arrays(self, matrices)
+        num_kernels, (num_rows, num_joints) = len(self.target_sensations), self.kernel_q.shape
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "kernel_offsets": (num_kernels + 1,),
+            "kernel_row": (num_rows,),
+            "kernel_strength": (num_rows,),
+            "kernel_error": (num_rows,),
+            "joint_scale": (num_joints,),
+            "set_distance": (num_kernels, num_kernels),
+            "edges": (None, 2),
+            "edge_cost": self.edges.shape[:1],
+        }
+        check_arrays(self, shapes, dict.fromkeys(("kernel_offsets", "kernel_row", "edges"), WHOLE))
+        sizes = np.diff(self.kernel_offsets)
+        if self.kernel_offsets[0] != 0 or self.kernel_offsets[-1] != num_rows or (sizes < 1).any():
+            raise ValueError(
+                f"kernel_offsets must rise from 0 to {num_rows}, the number of rows of kernel_q, "
+                "without empty kernels"
+            )
+        if not 0 <= self.edges.min(initial=0) <= self.edges.max(initial=0) < num_kernels:
+            raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}")
+        if not (self.joint_scale > 0).all():
+            raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors")
+
+    @property
+    def num_targets(self) -> int:
+        """K, the number of target sensations, kernel sets and nodes of the graph."""
+        return len(self.target_sensations)
+
+    @property
+    def num_rows(self) -> int:
+        """R, the number of stored motor configurations."""
+        return len(self.kernel_q)
+
+    @property
+    def kernel_sets(self) -> KernelSets:
+        """The kernel sets between which distances are measured: scaled, rad, float32."""
+        return KernelSets(self.scaled(self.kernel_q).astype(np.float32), self.kernel_offsets)
+
+    def scaled(self, q: np.ndarray) -> np.ndarray:
+        """`(..., J)` rad, scaled configurations, between which distances are measured."""
+        return np.asarray(q) * self.joint_scale
+
+    def members(self, kernel: int) -> slice:
+        """The rows of `kernel_*` that belong to `kernel`."""
+        return slice(int(self.kernel_offsets[kernel]), int(self.kernel_offsets[kernel + 1]))
+
+    def checked_target(self, target: int | None) -> int:
+        """`target` as an int; raises a ValueError if it is not the number of a target sensation."""
+        if not isinstance(target, int | np.integer) or not 0 <= target < self.num_targets:
+            raise ValueError(
+                f"target {target} is out of range: give one of 0 to {self.num_targets - 1}, "
+                "the targets of this representation"
+            )
+        return int(target)
+
+    def restricted(self, kernels: np.ndarray) -> Self:
+        """The representation of some of the kernels, `(n,)` ascending."""
+        return self if len(kernels) == self.num_targets else self._with_kernels(kernels)
+
+    def _with_kernels(self, kernels: np.ndarray, **fields: Any) -> Self:
+        """As `restricted`; `fields` replace further ones."""
+        rows = np.concatenate([np.arange(self.num_rows)[self.members(k)] for k in kernels])
+        place = np.full(self.num_targets, -1)
+        place[kernels] = np.arange(len(kernels))
+        kept = (place[self.edges] >= 0).all(axis=1)
+        fields |= {name: getattr(self, name)[rows] for name in self.by_row}
+        fields |= {name: getattr(self, name)[kernels] for name in self.by_kernel}
+        return dataclasses.replace(
+            self,
+            kernel_offsets=np.cumsum([0, *np.diff(self.kernel_offsets)[kernels]]),
+            set_distance=self.set_distance[np.ix_(kernels, kernels)],
+            edges=place[self.edges[kept]],
+            edge_cost=self.edge_cost[kept],
+            **fields,
+        )
