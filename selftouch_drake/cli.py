@@ -233,6 +233,8 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
         with _progress("report") as progress:
             report = write_report(directory, progress)
     _print_headline(directory)
+    if directory.babbling.exists():
+        click.echo(f"babbling: {directory.babbling}")
     click.echo(f"report: {report}")
 
 

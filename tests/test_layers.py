@@ -143,7 +143,8 @@ def systems_in(text: str) -> set[str]:
     names = {
         alias.name
         for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pydrake.systems")
+        if isinstance(node, ast.ImportFrom)
+        and (node.module or "").startswith("pydrake.systems")
         and node.module != "pydrake.systems.lcm"  # messages are no systems
         for alias in node.names
     }
