@@ -46,6 +46,8 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
         with progress_bar("report") as progress:
             report = write_report(directory, progress)
     _print_headline(directory)
+    if directory.babbling.exists():
+        click.echo(f"babbling: {directory.babbling}")
     click.echo(f"report: {report}")
 
 

@@ -317,6 +317,10 @@ class ExperienceReader:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
 
+    def steps(self) -> Iterator[np.ndarray]:
+        """`(N,)` numbers of the steps of a walk in which touches were felt, one array per shard."""
+        return (_open(path).read(["step"]).column("step").to_numpy() for path in self._paths)
+
     def stored(self) -> Iterator[StoredTouches]:
         """The same, unread, for processes that see these files."""
         return (StoredTouches(p.resolve(), _open(p).metadata.num_rows) for p in self._paths)

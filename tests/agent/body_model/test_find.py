@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bodies import an_arm, misfit, touches
 from scipy.spatial import cKDTree
-from selftouch_drake.agent.body_model.find import find_body_model
 
 from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.model import JointKind
 
 NAMES = ["d", "c", "b", "a"]
