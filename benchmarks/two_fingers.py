@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from unrolling import Turns, landmarks, turns
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
+from selftouch_drake.agent.representation.reservoir import KernelReservoir
 from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
@@ -37,7 +38,6 @@ from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.paths import geodesics, locally_scaled
-from selftouch_drake.quotient.reservoir import KernelReservoir
 from selftouch_drake.quotient.sensations import assign, strength, target_sensations
 from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase
