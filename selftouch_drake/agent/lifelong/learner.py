@@ -20,6 +20,7 @@ from selftouch_drake.agent.representation.quotient import (
     mattering,
 )
 from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.reservoir import KernelReservoir, KernelSample
 from selftouch_drake.agent.representation.several_places import common_targets
 from selftouch_drake.agent.representation.touches import (
     kernel_parts,
@@ -28,7 +29,6 @@ from selftouch_drake.agent.representation.touches import (
 from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.learn import MAX_ROWS
-from selftouch_drake.quotient.reservoir import KernelReservoir, KernelSample
 from selftouch_drake.quotient.scale import joint_scale
 from selftouch_drake.quotient.sensations import assign, strength, unit
 
