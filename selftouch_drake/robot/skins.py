@@ -147,25 +147,22 @@ def make_skin(
             remedy.
     """
     link = find_link(plant, skin.link, f"skins.{name}.link")
-    own = skin.surface.shape in (*_ROLES, "receptors")
     try:
         surface = _outer_surface(name, skin, link, plant, scene_graph)
         given = None if skin.receptors is None else skin.receptors.read()
-        p_LS = (
-            place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
-            if given is None
-            else given.p_LS
-        )
+        if given is None:
+            p_LS = place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
+        else:
+            p_LS = given.p_LS
         if motion is not None:
             A, b = motion
             p_LS = p_LS @ A.T + b
             surface = trimesh.Trimesh(surface.vertices @ A.T + b, surface.faces, process=False)
         wall = hollow_skin(surface, skin.thickness)
-        fields = (
-            receptive_fields(surface, p_LS, width=skin.field_width)
-            if given is None
-            else _fields_of_file(name, skin, surface, given, p_LS)
-        )
+        if given is None:
+            fields = receptive_fields(surface, p_LS, width=skin.field_width)
+        else:
+            fields = _fields_of_file(name, skin, surface, given, p_LS)
     except ExperimentError:
         raise
     except ValueError as error:
@@ -177,7 +174,7 @@ def make_skin(
         wall=wall,
         fields=fields,
         hydroelastic_modulus=skin.hydroelastic_modulus,
-        is_own_geometry=own,
+        is_own_geometry=skin.surface.shape in (*_ROLES, "receptors"),
     )
 
 

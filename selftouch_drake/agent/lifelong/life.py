@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
+from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
     Expectation,
     TouchSet,
     with_unit_norm,
 )
-from selftouch_drake.agent.lifelong.explanation import BodyChange, explain_change, refined
+from selftouch_drake.agent.lifelong.explanation import explain_change, refined
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
