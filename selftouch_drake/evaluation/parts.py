@@ -89,8 +89,8 @@ def true_parts(
 ) -> list[TruePart]:
     """The parts that an agent could find: connected patches of skin that were touched.
 
-    What is smaller than a disc as wide as kernels are apart is neither a hole nor a part; and parts
-    with too few kernels for a shape are left out, as the agent leaves them out. The one with the
+    What is smaller than a disc as wide as kernels are apart is neither a hole nor a part. Parts
+    with too few kernels for a shape are left out, as the agent leaves them out. The part with the
     most kernels comes first.
     """
     patch_of, num_patches = _touched_patches(fields, counts, truth)

@@ -26,8 +26,11 @@ from selftouch_drake.files import remove_unfinished
 # A walk without a touch in this many steps is given up.
 PATIENCE = 2_000_000
 
-#: Number of touches in a first round of the active strategy; later, as a share of all so far.
-_FIRST_ROUND, _ROUND_GROWS = 250, 0.1
+#: Number of touches in a first round of the active strategy.
+_FIRST_ROUND = 250
+
+#: Number of touches in a later round, as a share of all so far.
+_ROUND_GROWS = 0.1
 
 
 class NeverTouchesError(ValueError):

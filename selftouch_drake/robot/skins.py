@@ -34,9 +34,9 @@ from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
 
-# m, receptors that were moved onto a surface by less are not worth a line.
+# m; the user is not told of receptors that were moved onto a surface by less.
 _MOVED = 1e-4
-# Receptors this many times farther from a surface than it is long are in another unit.
+# Receptors are in another unit if they are so many times farther from a surface than it is long.
 _MILLIMETRES = 10
 # Depth of a pad of receptors below them, in resolutions or thicknesses.
 _PAD = 4
@@ -229,7 +229,10 @@ def _fields_of_file(
 def _elsewhere(
     error: _OffSurfaceError, plant: MultibodyPlant, scene_graph: SceneGraph, skins: Mapping
 ) -> str:
-    """Which other skin is nearer to receptors that are off theirs, if any is; `plant` is final."""
+    """Says which other skin is nearer to receptors that are off theirs, if there is one.
+
+    The plant is finalized.
+    """
     context = plant.CreateDefaultContext()
     links = {name: find_link(plant, skins[name].link, f"skins.{name}.link") for name in skins}
     X_WL = links.pop(error.skin).EvalPoseInWorld(context)

@@ -38,7 +38,7 @@ _CORNERS = np.concatenate([np.eye(3), -np.eye(3)])
 _FACES = np.array(
     [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
 )
-# m, finer triangles of a touching mesh cost time, and no skin feels them.
+# m; finer triangles of a touching mesh cost time, and no skin feels the difference.
 _FINEST = 0.008
 
 

@@ -24,28 +24,39 @@ from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.representation.quantise import unit
 
 #: A more complicated explanation is taken if it leaves less than this share of the ratio of
-#: surprises. The search ends if the ratio is at most the second number.
-_WORTH, _ENOUGH = 0.9, 1.1
+#: surprises.
+_WORTH = 0.9
+
+#: The search for explanations ends once the ratio of surprises is at most this.
+_ENOUGH = 1.1
 
 #: A reading moved if its cosine with what another receptor should feel exceeds by this much the
 #: cosine with what its own receptor should feel.
 _BETTER = 0.3
 
-#: Standard deviations to either side within which offsets of a joint are tried, and their number;
-#: touches for the first search of each joint's zero.
-_REACH, _TRIED, _FEW = 1.0, 41, 400
+#: Offsets of a joint are tried within so many standard deviations to either side.
+_REACH = 1.0
+
+#: Number of offsets that are tried for each joint.
+_TRIED = 41
+
+#: Touches for the first search of each joint's offset.
+_FEW = 400
 
 #: A blunt expectation has the training steps of a sharp one divided by this.
 _BLUNT = 2
 
-#: Networks of a displacement; the mean of all counts. After the forearm of a torus grew, what is
+#: Networks of a displacement, of which the mean counts. After the forearm of a torus grew, what is
 #: felt at moved touches is off by a cosine distance of 0.0025 (median), of 0.0032 with three.
 _NETWORKS = 6
 
-#: Hidden units of such a network and training steps, for 1000 touches; both grow with the square
-#: root of the number of touches. Touches per training step. On a cube that was stretched, with 5000
-#: touches since, 81 % of the touches of before touch, and 82 % with twice as many of both.
-_HIDDEN, _NUM_STEPS, _BATCH = 32, 500, 512
+#: Hidden units of such a network, and its training steps, for 1000 touches; both grow with the
+#: square root of the number of touches. On a cube that was stretched, with 5000 touches since, 81 %
+#: of the earlier touches still touch once they are moved, and 82 % with twice as many of both.
+_HIDDEN, _NUM_STEPS = 32, 500
+
+#: Touches per training step.
+_BATCH = 512
 
 #: Weight of the squared displacement, in standard deviations, beside the squared error of what is
 #: expected, for 1000 touches; it falls with the square root of their number. Without it, joints

@@ -32,12 +32,17 @@ from selftouch_drake.agent.representation.touches import (
     receptors_together,
 )
 
-#: Touches before the first targets are chosen, and touches per target until all K are chosen.
+#: Touches before the first targets are chosen.
 _FIRST = 200
-_TOUCHES_A_TARGET = 8
 
-#: Targets are chosen again when this share of the memory is new, and modes when this share is.
-_NEW, _NEW_FOR_MODES = 0.2, 0.5
+#: Touches per target until all K targets are chosen.
+_TOUCHES_PER_TARGET = 8
+
+#: Targets are chosen again when this share of the memory is new.
+_NEW = 0.2
+
+#: Modes are found again when the memory has grown by this share.
+_NEW_FOR_MODES = 0.5
 
 #: Targets are also chosen again when the share of new touches that are unlike every target exceeds
 #: the former share by this: touches of a skin never felt before may look like touches of several
@@ -170,7 +175,7 @@ class OnlineLearner:
         touch, of_pools, aside = together.places(sensation)
         felt = together.receptors(sensation, touch, of_pools)
         known = ~aside & np.isin(touch, some)
-        num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
+        num_targets = min(int(known.sum()) // _TOUCHES_PER_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
         overlap = together.overlap

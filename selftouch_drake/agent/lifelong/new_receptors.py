@@ -5,9 +5,11 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong.expectation import with_unit_norm
 
-#: A receptor counts as felt if its reading is at least this share of a sensation; felt in this many
-#: touches, it is no chance.
-FELT, SURELY = 0.1, 20
+#: A receptor counts as felt if its reading is at least this share of a sensation.
+FELT = 0.1
+
+#: A receptor that was felt in so many touches was not felt by chance.
+SURELY = 20
 
 #: Number of touches since the change from which a guess is made. On a torus on which a patch of 10
 #: of 100 receptors was blind, means of 3, 5 and 8 touches are about as good; one is worse.
