@@ -250,7 +250,7 @@ MUTANTS = (
     ),
     Mutant(
         name="mending: the offset of a joint has the wrong sign",
-        file="agent/lifelong/explanation.py",
+        file="agent/lifelong/body_change.py",
         old="moved = q + self.offset",
         new="moved = q - self.offset",
         first=("tests/agent/lifelong",),

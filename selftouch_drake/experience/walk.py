@@ -13,8 +13,10 @@ from selftouch_drake.compiled import compiled
 _GROWS = 256
 # Steps in one batch: large enough for numpy, small in memory.
 _BATCH = 4096
-# s of one batch of a timed walk, and between two configurations that an agent chooses.
-BATCH_S, CHOICE_S = 10.0, 0.02
+#: s of one batch of a timed walk.
+BATCH_S = 10.0
+# s between two configurations that an agent chooses.
+CHOICE_S = 0.02
 
 
 class RandomWalk:

@@ -46,7 +46,7 @@ from selftouch_drake.run.touches import touch_metrics, warn_of_changes
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, run_bodies
 
-# Enough to plan a step, and learned in a second.
+# Touches and targets of a trial run of `evaluate`: enough to plan a step, and learned in a second.
 _READY_TOUCHES, _READY_TARGETS = 1000, 50
 
 # Share of the time of learning after which the body model begins, roughly.
