@@ -229,10 +229,10 @@ MUTANTS = (
     ),
     Mutant(
         name="servo: corrects to the wrong side",
-        file="robot/servo.py",
+        file="systems/touch_servo.py",
         old="aim = x - BANDWIDTH * PERIOD * off * across",
         new="aim = x + BANDWIDTH * PERIOD * off * across",
-        first=("tests/robot/test_servo.py",),
+        first=("tests/systems/test_touch_servo.py",),
     ),
     Mutant(
         name="servo: its switch does nothing",
