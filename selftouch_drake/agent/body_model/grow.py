@@ -34,6 +34,8 @@ _FEWEST = 600
 _SEED, _JOINS = 0.75, 0.7
 # A touch belongs to a limb surely above this probability.
 _SURE = 0.85
+# Parts whose chains compete to be the seed.
+_PROBED = 3
 # New joints that are tried in all orders, at most.
 _MOST_NEW = 3
 
@@ -90,15 +92,16 @@ class _Grower:
             found = population(self.search, self.groups[p], self.holding[p], rounds=2)
             probe[p] = float(found.loss.sum(axis=1).min())
         by_probe = sorted(ripe, key=lambda p: probe[p])
-        # Cheap trials first: a mixture of hands has no chain, however long one looks for it.
-        trials = [(self.of_one_hand, p, 1) for p in by_probe[:2]]
-        trials += [(self.of_several_hands, p, 0) for p in ripe[:2]]
-        trials += [(self.of_one_hand, p, 0) for p in by_probe]
-        for trial, p, most in trials:
-            body = trial(p, most)
-            if body is not None:
-                return body
-        return None
+        # Cheap trials first: a mixture of hands has no chain, however long one looks for it. Of
+        # several chains the sharpest one begins: a blunt one may have a wrong order.
+        sharp = [p for p in by_probe[:_PROBED] if self.chain(p, 1) is not None]
+        sharp.sort(key=lambda p: float(self.chains[p].loss.sum()))
+        trials = itertools.chain(
+            (self.of_one_hand(p, 1) for p in sharp[:1]),
+            (self.of_several_hands(p) for p in ripe[:2]),
+            (self.of_one_hand(p, 0) for p in by_probe),
+        )
+        return next((body for body in trials if body is not None), None)
 
     def chain(self, part: int, most: int = 0) -> Bodies | None:
         """The chain of a part alone, if one explains its touches.
@@ -133,7 +136,7 @@ class _Grower:
         links = Links.of_chain(way, part)
         return self.bundled(Body(links, chain.twists[0], chain.points[0], ((part, 0),)))
 
-    def of_several_hands(self, part: int, _most: int = 0) -> Body | None:
+    def of_several_hands(self, part: int) -> Body | None:
         """A body of several chains that meet at a part, told apart by densities of their joints."""
         group = self.groups[part]
         cores = limbs(*self.statistic[part])
@@ -179,9 +182,9 @@ class _Grower:
 
     def with_attached(self, body: Body, waiting: list[int]) -> Body | None:
         """The body with one part that brings new joints; None if there is none."""
-        for part in waiting:
-            if self.groups[part].num_kernels < 8:
-                continue
+        # Parts that have a chain of their own come first: their new joints are known.
+        waiting = [part for part in waiting if self.groups[part].num_kernels >= 8]
+        for part in sorted(waiting, key=lambda p: (p not in self.chains, len(self.rows[p]))):
             for bigger in self._attachments(body, part):
                 some = dense_rows(self.scene.target, self.rows[part], self.search.random)
                 tried = replace(self.scene.some(some), ways=bigger.ways())
@@ -198,14 +201,18 @@ class _Grower:
         known = set(body.links.ends)
         new = [joint for joint in self.holding[part] if joint not in known]
         found: list[Body] = []
-        if self.holding[part] != self.moving and 0 < len(new) <= _MOST_NEW:
+        if (
+            part not in self.chains
+            and self.holding[part] != self.moving
+            and 0 < len(new) <= _MOST_NEW
+        ):
             # Between the tree and the skin, whoever touched: those of other hands are outliers.
             tried = attached(
                 self.search, self.scene, self.groups[part], body, part,
                 inner=new, outer=[], shared=None,
             )[:3]  # fmt: skip
             found += [self._with_all_hands(one, part) for one in tried]
-        chain = self.chain(part)
+        chain = self.chain(part, 1)
         if chain is None:
             return found
         order = order_of(chain.ways[0][0])
