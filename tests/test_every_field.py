@@ -382,6 +382,11 @@ ACTED = {
         nested("representation.metric", "motor"),
         of_metric(lambda new, old: new["topology_margin"] != old["topology_margin"]),
     ),
+    "representation.body_model": (
+        ("learn",),
+        nested("representation.body_model", "off"),
+        of_metric(lambda new, old: "body_model_wall_s" in old and "body_model_wall_s" not in new),
+    ),
     "evaluation.num_pairs": (
         ("evaluate", "--workers", 1),
         nested("evaluation.num_pairs", 2),

@@ -19,7 +19,7 @@ TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 # Enough that it comes to its end; the tutorial's own numbers take minutes.
 SMALL = {
     "babbling": {"num_samples": 2000},
-    "representation": {"num_targets": 60, "metric": "sensorimotor"},
+    "representation": {"num_targets": 60, "metric": "sensorimotor", "body_model": "off"},
     "execution": {"max_tries": 1},
     "evaluation": {"num_pairs": 1, "shape_metrics": []},
 }

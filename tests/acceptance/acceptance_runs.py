@@ -29,7 +29,7 @@ def made(
     """Makes a run of a shipped experiment up to its evaluation."""
     changes = (
         f"{{seed: {seed}, babbling: {{num_samples: {touches}}}, "
-        f"representation: {{num_targets: {targets}, metric: {metric}}}, "
+        f"representation: {{num_targets: {targets}, metric: {metric}, body_model: off}}, "
         f"evaluation: {{num_pairs: {pairs}, shape_metrics: []}}}}"
     )
     assert selftouch("babble", name, "--out", path, "--set", changes, "--workers", 1) == 0

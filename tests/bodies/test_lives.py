@@ -23,7 +23,7 @@ from selftouch_drake.run.directory import RunDirectory
 LIVES = Path(__file__).with_name("lives.py")
 SMALL = {
     "babbling": {"num_samples": 1500, "walk_size": 500},
-    "representation": {"num_targets": 50},
+    "representation": {"num_targets": 50, "body_model": "off"},
     "evaluation": {"num_pairs": 1},
 }
 

@@ -55,7 +55,7 @@ def test_its_run_ends_with_a_report(robot, tmp_path):
     settings = {
         "robot": robot,
         "babbling": {"num_samples": 2000, "walk_size": 1000},
-        "representation": {"num_targets": 60},
+        "representation": {"num_targets": 60, "body_model": "off"},
         "execution": {"max_tries": 2},
         "evaluation": {"num_pairs": 2},
     }

@@ -40,7 +40,7 @@ from selftouch_drake.systems.simulation import simulation_of
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
-    "representation": {"num_targets": 60, "metric": "motor"},
+    "representation": {"num_targets": 60, "metric": "motor", "body_model": "off"},
     "execution": {"max_tries": 3},
     "evaluation": {"num_pairs": 2, "shape_metrics": []},
 }

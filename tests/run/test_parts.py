@@ -28,7 +28,7 @@ def world():
         {
             "skins": skins,
             "babbling": {"num_samples": sum(PER_SKIN), "walk_size": 10_000},
-            "representation": {"num_targets": 110, "metric": "sensorimotor"},
+            "representation": {"num_targets": 110, "metric": "sensorimotor", "body_model": "off"},
             "evaluation": {"num_pairs": 40, "shape_metrics": []},
         },
     )

@@ -39,7 +39,11 @@ def babbled(tmp_path_factory):
         {
             "skins": {"body": {"num_receptors": 20}},
             "babbling": {"num_samples": NUM_ROWS, "walk_size": WALK_SIZE},
-            "representation": {"num_targets": 50, "metric": "sensorimotor"},
+            "representation": {
+                "num_targets": 50,
+                "metric": "sensorimotor",
+                "body_model": "off",  # tests/run/test_modelling.py
+            },
         },
     )
     run = RunDirectory.create(tmp_path_factory.mktemp("stages") / "run", experiment)

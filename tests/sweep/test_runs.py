@@ -3,11 +3,14 @@ import shutil
 import warnings
 
 import pytest
+from modelled import found_by
 
+from selftouch_drake.agent.body_model.model import rejected
 from selftouch_drake.run import stages
-from selftouch_drake.run.artifacts import load_representation
+from selftouch_drake.run.artifacts import load_body_model, load_representation
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn
+from selftouch_drake.sweep.design import load_sweep
 from selftouch_drake.sweep.directory import SweepDirectory, run_name
 from selftouch_drake.sweep.runs import RunWarning, run_sweep
 from selftouch_drake.sweep.table import gather, metric_columns, read_table, varied_fields
@@ -57,6 +60,44 @@ def test_every_run_is_a_run_like_any_other(finished, sweep):
         assert stages.has_evaluated(run)
         assert run.metrics()["representation_num_targets"] == experiment.representation.num_targets
         assert load_representation(run).num_targets == experiment.representation.num_targets
+
+
+def test_runs_with_and_without_a_body_model_share_what_they_learn(
+    common_text, tmp_path, monkeypatch
+):
+    text = common_text + "cases:\n"
+    for setting in ("auto", "off", "auto"):
+        gap = 0.2 if text.count("auto") else 0.1
+        text += (
+            f"  - {{representation: {{num_targets: 50, metric: motor, body_model: {setting}}}, "
+            f"planning: {{knot_spacing: {gap}}}}}\n"
+        )
+    file = tmp_path / "models.yaml"
+    file.write_text(text)
+    asked = []
+
+    def find(**given):
+        asked.append(given["part"])
+        return rejected(
+            "rejected: nothing fits.",
+            joint_names=given["joint_names"],
+            kernel_part=given["part"],
+            num_rows=len(given["q"]),
+            num_receptors=given["sensation"].shape[1],
+        )
+
+    found_by(monkeypatch, find)
+    sweep = load_sweep(file)
+    directory = SweepDirectory.create(tmp_path / "sweep", sweep)
+    assert run_sweep(sweep, directory, InTurn()) == {}
+    runs = [RunDirectory.open(directory.run(each).path) for each in sweep.experiments]
+    assert len(asked) == 1, "runs that ask the same question share the answer"
+    assert len({run.representation.stat().st_ino for run in runs}) == 1
+    reasons = [load_body_model(run).reason for run in runs]
+    assert sorted(reasons) == ["off"] + ["rejected: nothing fits."] * 2
+    for run, reason in zip(runs, reasons, strict=True):
+        assert ("body_model_accepted" in run.metrics()) == (reason != "off")
+        assert run.joint_names()[0] == "shoulder_yaw"
 
 
 def test_an_impossible_run_is_reported_and_the_others_go_on(finished, sweep):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.interpolate import CubicHermiteSpline
-from selftouch_drake.agent.planning.smoothing import smooth_path
 
 from selftouch_drake.agent.motions import Motion, Plan
+from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.systems import PlanSource
 
 

@@ -1,7 +1,7 @@
 from types import SimpleNamespace
 
 import numpy as np
-from kernels_by_hand import laid_by_hand
+from by_hand import laid_by_hand
 from modelled import found_by
 
 from selftouch_drake.agent.agent import Agent
