@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow.parquet as pq
+
 from selftouch_drake.agent.body_model.find import find_body_model
 
 TOUCHES = {

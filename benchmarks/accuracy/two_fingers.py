@@ -21,6 +21,7 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
+from selftouch_drake.agent.representation.reservoir import KernelReservoir
 from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
@@ -35,7 +36,6 @@ from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.paths import geodesics, locally_scaled
-from selftouch_drake.quotient.reservoir import KernelReservoir
 from selftouch_drake.quotient.sensations import assign, strength, target_sensations
 from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase

@@ -50,7 +50,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong.explorer import Moves, Walker
+from selftouch_drake.agent.lifelong.explorer import ContactExplorer, Moves
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -85,7 +85,7 @@ SAMPLE_S = 0.02
 _NOISE, _RECENT, _AT_RANDOM = 1.0, 8, 0.2
 
 
-class Goals(Walker):
+class Goals(ContactExplorer):
     """Random goal babbling: a goal, the posture that is best for it so far, and noise."""
 
     #: By the number of a target, the cosine between it and what was felt, at each try.

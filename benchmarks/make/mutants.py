@@ -229,10 +229,10 @@ MUTANTS = (
     ),
     Mutant(
         name="servo: corrects to the wrong side",
-        file="robot/servo.py",
+        file="systems/touch_servo.py",
         old="aim = x - BANDWIDTH * PERIOD * off * across",
         new="aim = x + BANDWIDTH * PERIOD * off * across",
-        first=("tests/robot/test_servo.py",),
+        first=("tests/systems/test_touch_servo.py",),
     ),
     Mutant(
         name="servo: its switch does nothing",
@@ -250,7 +250,7 @@ MUTANTS = (
     ),
     Mutant(
         name="mending: the offset of a joint has the wrong sign",
-        file="agent/lifelong/explanation.py",
+        file="agent/lifelong/body_change.py",
         old="moved = q + self.offset",
         new="moved = q - self.offset",
         first=("tests/agent/lifelong",),

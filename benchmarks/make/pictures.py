@@ -19,6 +19,7 @@ import hashlib
 import json
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -39,6 +40,7 @@ from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.robot_pictures import PostureCamera
 from selftouch_drake.show.run_data import RunData
+from selftouch_drake.systems import Babbler, MakeSelfTouchDiagram
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
@@ -63,6 +65,8 @@ GALLERY: dict[str, dict] = {
     "icub": {},
     "planar": {},
 }
+# The files that decide the drawn diagram.
+SYSTEMS = ("systems/*.py",)
 RATE_HZ, PIXELS, COLORS = 5, 760, 96
 # Instants of the execution between two marks of the path so far.
 TRAIL_EVERY = 4
@@ -171,6 +175,16 @@ def live(runs: Path) -> None:
         page.screenshot(path=IMAGES / "live.png", clip=LIVE_CLIP, timeout=120_000)
 
 
+def diagram(runs: Path) -> None:
+    """The self-touch diagram of a torus with a touch servo, as Drake draws it by Graphviz."""
+    experiment = load_experiment("torus", {"execution": {"touch_servo": True}})
+    babbler = Babbler(experiment)
+    babbler.set_name("babbler")
+    text = MakeSelfTouchDiagram(experiment, babbler).GetGraphvizString(max_depth=1)
+    command = ["dot", "-Tpng", "-Gdpi=110", "-o", str(IMAGES / "diagram.png")]
+    subprocess.run(command, input=text.encode(), check=True)
+
+
 def drawn(name: str, runs: Path) -> None:
     """Draws one picture."""
     if name in DRAWINGS:
@@ -184,7 +198,7 @@ def drawn(name: str, runs: Path) -> None:
 
 
 #: Pictures that write themselves, and figures of runs.
-OWN = {"moving": moving, "live": live}
+OWN = {"moving": moving, "live": live, "diagram": diagram}
 FROM_RUNS: dict[str, Callable[[Path], Figure]] = {
     "body_shape": functools.partial(figure, "body_shape", torus),
     "plan_path": functools.partial(figure, "plan_path", torus),
@@ -210,7 +224,7 @@ def digest(name: str) -> str:
         ]
         files += [*(ROOT / "docs" / "data").glob("*.csv")]
     else:
-        kinds = IN_MESHCAT if name == "live" else OF_A_RUN
+        kinds = SYSTEMS if name == "diagram" else IN_MESHCAT if name == "live" else OF_A_RUN
         files += [Path(__file__), *(file for kind in kinds for file in package.glob(kind))]
     contents = b"".join(content(file) for file in sorted({*files}))
     return hashlib.sha256(contents).hexdigest()[:16]

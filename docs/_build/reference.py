@@ -68,7 +68,7 @@ API = {
         "Pictures, recordings, live agent",
         ("show.run_data", "show.page.figures", "show.outputs", "show.meshcat.skin_visualizer"),
     ),
-    "sweep": ("Sweeps", ("sweep.design", "sweep.runs", "sweep.table")),
+    "sweep": ("Sweeps", ("sweep.design", "sweep.directory", "sweep.runs", "sweep.table", "sweep.figures")),
     # Packages that are there in some installations only.
     "envs": ("Gymnasium environments", ("envs",)),
 }

@@ -35,10 +35,13 @@ class Plan(MotorPath, Record):
     imagined: np.ndarray
 
     def __post_init__(self) -> None:
-        MotorPath.__post_init__(self)
+        self.check_arrays(self.shapes())
+
+    def shapes(self) -> dict[str, tuple[int | None, ...]]:
+        """The shapes of its arrays, in which None is any length."""
         num = self.nodes.size
         steps = dict.fromkeys(("links", "in_air", "modes"), (num - 1,))
-        self.check_arrays({**steps, "imagined": (num,)})
+        return {**MotorPath.shapes(self), **steps, "imagined": (num,)}
 
     def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""

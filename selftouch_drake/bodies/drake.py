@@ -309,7 +309,7 @@ class DrakeBabblingBody(DrakeDynamicBody):
         A body that cannot jump travels to the first node, slowly, from where it is.
         """
         babbling = self._babbling
-        first = babbling.babbler.nodes(1, walk=walk)[0]
+        first = babbling.babbler.first_node(walk)
         if self.jumps or self._at is None:
             babbling.begin(walk)
         else:

@@ -79,26 +79,7 @@ def load_class(file: Path, name: str) -> type:
     Raises:
         BodyError: the file does not exist, cannot be run, or has no such class.
     """
-    path = _require_file(file).resolve()
-    # By its path and content, so that two files with one name do not meet.
-    digest = hashlib.sha256(str(path).encode() + path.read_bytes()).hexdigest()[:12]
-    key = f"_selftouch_{path.stem}_{digest}"
-    if key not in sys.modules:
-        spec = importlib.util.spec_from_file_location(key, path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[key] = module  # dataclasses and pickles look their module up
-        if str(path.parent) not in sys.path:
-            sys.path.append(str(path.parent))
-        try:
-            spec.loader.exec_module(module)
-        except BaseException as error:
-            del sys.modules[key]
-            if not isinstance(error, (Exception, SystemExit)):
-                raise
-            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            raise BodyError(f"{file} cannot be run: {reason}; correct it") from error
+    key = _loaded_module(file)
     found = getattr(sys.modules[key], name, None)
     if not isinstance(found, type):
         there = vars(sys.modules[key]).items()
@@ -106,6 +87,32 @@ def load_class(file: Path, name: str) -> type:
         hint = closest(name, classes) or f"it has {', '.join(classes) or 'none'}"
         raise BodyError(f"{file} has no class {shown(name)}; {hint}")
     return found
+
+
+def _loaded_module(file: Path) -> str:
+    """Runs a Python file as a module, once; returns the name of the module."""
+    path = _require_file(file).resolve()
+    # By its path and content, so that two files with one name do not meet.
+    digest = hashlib.sha256(str(path).encode() + path.read_bytes()).hexdigest()[:12]
+    key = f"_selftouch_{path.stem}_{digest}"
+    if key in sys.modules:
+        return key
+    spec = importlib.util.spec_from_file_location(key, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[key] = module  # dataclasses and pickles look their module up
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[key]
+        if not isinstance(error, (Exception, SystemExit)):
+            raise
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise BodyError(f"{file} cannot be run: {reason}; correct it") from error
+    return key
 
 
 def make_instance(kind: type, arguments: Mapping[str, Any]) -> Any:
@@ -127,6 +134,7 @@ def make_instance(kind: type, arguments: Mapping[str, Any]) -> Any:
 
 
 def _require_file(file: Path) -> Path:
+    """The file; a BodyError if there is none."""
     if not file.is_file():
         raise BodyError(f"{shown(str(file))} does not exist; give the path of a Python file")
     return file
@@ -135,11 +143,13 @@ def _require_file(file: Path) -> Path:
 def _of_class(
     file: Path, name: str, arguments: Mapping[str, Any] | None = None, timeout_s: float = 60.0
 ) -> CheckedBody:
+    """The body that a class in a file makes."""
     make = partial(make_instance, load_class(file, name), arguments or {})
     return _opened(make, name, timeout_s)
 
 
 def _opened(make: Callable[[], Any], name: str, timeout_s: float = 60.0) -> CheckedBody:
+    """Makes a body and checks it; one that fails the checks is closed."""
     worker = Worker()
     body = worker.call(make, f"{name}()", _MADE_IN_S)
     try:

@@ -8,18 +8,26 @@ import numpy as np
 from selftouch_drake.agent.body import Felt
 from selftouch_drake.bodies.checked import CheckedBody
 
-#: Postures that are tried by default: of a body that jumps, and of one that travels.
-_JUMPED, _TRAVELLED = 500, 20
+#: Postures that are tried by default, of a body that jumps.
+_JUMPED = 500
+
+#: Likewise, of a body that travels.
+_TRAVELLED = 20
 
 #: Standard deviation of a step of a body that travels, as a share of each joint's range.
 _STRIDE = 0.06
 
-#: Times that one posture is visited again, and a touch in standard deviations of what then differs.
-_VISITS, _FIRM = 5, 6.0
+#: Times that one posture is visited again.
+_VISITS = 5
 
-#: What is odd: the difference between visits, as a share of the strongest reading; the share of
-#: postures that are not reached.
-_UNLIKE, _MISSED = 0.2, 0.5
+#: A reading counts as touch beyond so many standard deviations between visits of one posture.
+_FIRM = 6.0
+
+#: Visits of one posture may differ by this share of what postures differ by.
+_UNLIKE = 0.2
+
+#: At least this share of the postures must be reached.
+_MISSED = 0.5
 
 
 def try_body(body: CheckedBody, num_postures: int | None = None) -> Iterator[str]:

@@ -46,6 +46,8 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
         with progress_bar("report") as progress:
             report = write_report(directory, progress)
     _print_headline(directory)
+    if directory.babbling.exists():
+        click.echo(f"babbling: {directory.babbling}")
     click.echo(f"report: {report}")
 
 
@@ -140,8 +142,10 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     """
     from selftouch_drake.run.executors import dask_executor, local_executor
     from selftouch_drake.sweep.design import load_sweep
-    from selftouch_drake.sweep.runs import SweepDirectory, run_sweep
-    from selftouch_drake.sweep.table import draw_figures, gather
+    from selftouch_drake.sweep.directory import SweepDirectory
+    from selftouch_drake.sweep.figures import draw_sweep_figures
+    from selftouch_drake.sweep.runs import run_sweep
+    from selftouch_drake.sweep.table import gather
 
     loaded = load_sweep(sweep)
     num_runs = len(loaded.experiments)
@@ -152,7 +156,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
         with progress_bar(f"{num_runs} runs") as progress, chosen as executor:
             failed = run_sweep(loaded, directory, executor, progress, num_pending=num_pending)
         table = gather(loaded, directory, failed)
-        draw_figures(table, directory.figures)
+        draw_sweep_figures(table, directory.figures)
     for name, reason in failed.items():
         click.echo(f"failed: {name}: {reason}", err=True)
     click.echo(f"table: {directory.table}\nfigures: {directory.figures}")

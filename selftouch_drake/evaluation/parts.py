@@ -16,10 +16,10 @@ from selftouch_drake.geometry.patches import betti_of_patch, parts_by_vertex, to
 from selftouch_drake.geometry.receptors import ReceptiveFields
 
 #: Two patches on different skins are one part if a receptor on one and a receptor on the other feel
-#: at the same time in at least this share of the touches of the rarer one, like neighbours on one
-#: skin: sensations do not separate them. Between the torso of an infant and its upper arms, which
-#: its fists press together, the share is 0.5 at most; where a fingertip is caught between two skins
-#: it is a few percent.
+#: at the same time, in at least this share of the touches of the one that feels more seldom. So do
+#: neighbours on one skin: sensations do not separate them. Between the torso of an infant and its
+#: upper arms, which its fists press together, the share is 0.5 at most; where a fingertip is caught
+#: between two skins it is a few percent.
 _LEAST_SHARED = 0.6
 # Touches that a receptor needs for its share to mean anything.
 _LEAST_TOUCHES = 20
@@ -89,37 +89,17 @@ def true_parts(
 ) -> list[TruePart]:
     """The parts that an agent could find: connected patches of skin that were touched.
 
-    What is smaller than a disc as wide as kernels are apart is neither a hole nor a part; and parts
-    with too few kernels for a shape are left out, as the agent leaves them out. The one with the
+    What is smaller than a disc as wide as kernels are apart is neither a hole nor a part. Parts
+    with too few kernels for a shape are left out, as the agent leaves them out. The part with the
     most kernels comes first.
     """
-    patch_of = np.full(counts.ends[-1], -1)
-    num_patches = 0
-    for skin, field in enumerate(fields):
-        num_kernels = max(int(np.sum(truth.skin == skin)), 1)
-        touched = counts.counts[skin] > 0
-        area = vertex_areas(field.vertices, field.faces)[touched].sum()
-        a, b, _ = field.vertices[field.faces].swapaxes(0, 1)
-        radius = max(np.sqrt(area / num_kernels), 1.5 * np.linalg.norm(b - a, axis=1).mean())
-        mask = touched_patch(field.vertices, field.faces, counts.counts[skin], radius=radius)
-        inside = field.faces[mask[field.faces].all(axis=1)]
-        label, _ = parts_by_vertex(inside, len(field.vertices))
-        used = np.unique(inside)
-        number, of_vertex = np.unique(label[used], return_inverse=True)
-        patch_of[counts.ends[skin] + used] = num_patches + of_vertex
-        num_patches += len(number)
+    patch_of, num_patches = _touched_patches(fields, counts, truth)
     group = _joined_patches(patch_of, counts, num_patches, fields)
-    at, patch = counts.vertices(truth.skin, truth.positions), np.full(len(truth.skin), -1)
-    # A kernel at the ragged rim belongs to the patch that is nearest.
-    for skin, field in enumerate(fields):
-        own, here = patch_of[slice(*counts.ends[skin : skin + 2])], truth.skin == skin
-        if len(known := np.flatnonzero(own >= 0)):
-            place = field.vertices[at[here] - counts.ends[skin]]
-            patch[here] = own[known[cKDTree(field.vertices[known]).query(place)[1]]]
+    patch_of_kernel = _nearest_patches(fields, counts, truth, patch_of)
     parts = []
     for number in np.unique(group):
         patches = np.flatnonzero(group == number)
-        kernels = np.flatnonzero(np.isin(patch, patches))
+        kernels = np.flatnonzero(np.isin(patch_of_kernel, patches))
         if len(kernels) < LEAST_KERNELS:
             continue
         masks = np.split(np.isin(patch_of, patches), counts.ends[1:-1])
@@ -132,23 +112,70 @@ def true_parts(
     return sorted(parts, key=lambda part: -len(part.kernels))
 
 
+def _touched_patches(
+    fields: Sequence[ReceptiveFields], counts: TouchCounts, truth: KernelTruth
+) -> tuple[np.ndarray, int]:
+    """`(V,)` the touched patch of each vertex of all skins, -1 for none; the number of patches."""
+    patch_of = np.full(counts.ends[-1], -1)
+    num_patches = 0
+    for skin, field in enumerate(fields):
+        touches = counts.counts[skin]
+        area = vertex_areas(field.vertices, field.faces)[touches > 0].sum()
+        num_kernels = max(int(np.sum(truth.skin == skin)), 1)
+        a, b, _ = field.vertices[field.faces].swapaxes(0, 1)
+        mean_edge = np.linalg.norm(b - a, axis=1).mean()
+        radius = max(np.sqrt(area / num_kernels), 1.5 * mean_edge)
+        mask = touched_patch(field.vertices, field.faces, touches, radius=radius)
+        inside = field.faces[mask[field.faces].all(axis=1)]
+        label, _ = parts_by_vertex(inside, len(field.vertices))
+        used = np.unique(inside)
+        number, of_vertex = np.unique(label[used], return_inverse=True)
+        patch_of[counts.ends[skin] + used] = num_patches + of_vertex
+        num_patches += len(number)
+    return patch_of, num_patches
+
+
+def _nearest_patches(
+    fields: Sequence[ReceptiveFields],
+    counts: TouchCounts,
+    truth: KernelTruth,
+    patch_of: np.ndarray,
+) -> np.ndarray:
+    """`(K,)` the patch that each kernel lies on, -1 on a skin that was not touched.
+
+    A kernel at the ragged rim of a patch belongs to the patch that is nearest.
+    """
+    vertex = counts.vertices(truth.skin, truth.positions)
+    patch = np.full(len(truth.skin), -1)
+    for skin, field in enumerate(fields):
+        on_skin = patch_of[counts.ends[skin] : counts.ends[skin + 1]]
+        here = truth.skin == skin
+        touched = np.flatnonzero(on_skin >= 0)
+        if len(touched):
+            place = field.vertices[vertex[here] - counts.ends[skin]]
+            _, nearest = cKDTree(field.vertices[touched]).query(place)
+            patch[here] = on_skin[touched[nearest]]
+    return patch
+
+
 def _joined_patches(
     patch_of: np.ndarray, counts: TouchCounts, num_patches: int, fields: Sequence[ReceptiveFields]
 ) -> np.ndarray:
     """`(patches,)` the part of each patch; a vertex is on one of `(V,)` `patch_of`, or -1."""
+    # `(V, S)`, which vertices are in the field of each receptor.
     in_field = block_diag([field.vertex_weights > 0 for field in fields], format="csr").astype(int)
     touches = counts.total
-    a, b = np.concatenate([counts.together, counts.together[:, ::-1]]).T
-    at_once = coo_array((np.ones(len(a)), (a, b)), shape=(len(touches),) * 2)
+    one, other = np.concatenate([counts.together, counts.together[:, ::-1]]).T
+    at_once = coo_array((np.ones(len(one)), (one, other)), shape=(len(touches),) * 2)
     pressed = np.asarray(in_field.T @ touches)
+    # `(S, S)` how often two receptors felt at once.
     together = (in_field.T @ at_once.tocsr() @ in_field).tocoo()
-    r, s = together.row, together.col
-    rarer = np.minimum(pressed[r], pressed[s])
+    rarer = np.minimum(pressed[together.row], pressed[together.col])
     often = (rarer >= _LEAST_TOUCHES) & (together.data >= _LEAST_SHARED * rarer)
     # A receptor is on the patch that most of its touches are on.
     kept = np.flatnonzero(patch_of >= 0)
     on_patch = coo_array((touches[kept], (kept, patch_of[kept])), shape=(len(touches), num_patches))
     own = np.asarray((in_field.T @ on_patch.tocsr()).todense()).argmax(axis=1)
-    pairs = own[np.stack([r[often], s[often]])]
+    pairs = own[np.stack([together.row[often], together.col[often]])]
     joined = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(num_patches,) * 2)
     return connected_components(joined, directed=False)[1]

@@ -23,7 +23,7 @@ from selftouch_drake.quotient.paths import geodesics
 #: from one sample to the next; in strides of 3 mm, paths on a torus are 5 % longer.
 STRIDE = 0.01
 
-#: Spacings of the targets in which the agent measures: it knows a touch by its kernel alone.
+#: The same for the agent, in spacings of its targets: it knows a touch by its kernel alone.
 _OWN_STRIDE = 2.0
 
 

@@ -26,8 +26,11 @@ from selftouch_drake.files import remove_unfinished
 # A walk without a touch in this many steps is given up.
 PATIENCE = 2_000_000
 
-#: Number of touches in a first round of the active strategy; later, as a share of all so far.
-_FIRST_ROUND, _ROUND_GROWS = 250, 0.1
+#: Number of touches in a first round of the active strategy.
+_FIRST_ROUND = 250
+
+#: Number of touches in a later round, as a share of all so far.
+_ROUND_GROWS = 0.1
 
 
 @runtime_checkable
@@ -123,9 +126,11 @@ def keep_touches(
         felt = next_steps()
         touching, touches = felt.touches()
         possible = touches.reached
-        rows = np.flatnonzero(possible)[: num_rows - num_kept]
+        num_wanted = num_rows - num_kept
+        rows = np.flatnonzero(possible)[:num_wanted]
         kept = touching[rows]
-        considered = touching <= kept[-1] if len(kept) == num_rows - num_kept else np.True_
+        # A full walk ends with its last touch: what came after it does not count.
+        considered = touching <= kept[-1] if len(kept) == num_wanted else np.True_
         num_impossible += int(np.sum(~possible & considered))
         kept_step.append(num_steps + kept)
         kept_felt.append(touches.of_rows(rows))
@@ -134,15 +139,7 @@ def keep_touches(
             last_touch = num_steps + int(kept[-1])
         num_steps += len(felt.q)
         if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
-            how = (
-                "`selftouch robot EXPERIMENT --show`"
-                if hasattr(touches, "contacts")
-                else "`selftouch body EXPERIMENT`"
-            )
-            raise NeverTouchesError(
-                f"babbling touched nothing in {num_steps - last_touch} steps; see what can touch "
-                f"what with {how}, or make babbling.step_size larger"
-            )
+            raise _nothing_touched(num_steps - last_touch, touches)
     if not num_kept:
         raise NeverTouchesError(
             f"babbling touched nothing in {robot_s(body) - began:.0f} s of the robot's time; give "
@@ -160,6 +157,16 @@ def keep_touches(
         sensation=np.concatenate([part.sensation for part in kept_felt]).astype(np.float32),
         contacts=Contacts.joined(contacts) if contacts else None,
         robot_s=robot_s(body) - began,
+    )
+
+
+def _nothing_touched(num_steps: int, touches: Felt) -> NeverTouchesError:
+    """The error of a walk without a touch in so many steps."""
+    of_drake = hasattr(touches, "contacts")
+    how = "`selftouch robot EXPERIMENT --show`" if of_drake else "`selftouch body EXPERIMENT`"
+    return NeverTouchesError(
+        f"babbling touched nothing in {num_steps} steps; see what can touch what with {how}, or "
+        "make babbling.step_size larger"
     )
 
 

@@ -18,11 +18,11 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.agent.lifelong.explorer import (
+    ContactExplorer,
     Explorer,
     PostureHolder,
     PostureSampler,
-    RestlessWalker,
-    Walker,
+    RestlessExplorer,
 )
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
@@ -32,9 +32,12 @@ from selftouch_drake.experience.walk import CHOICE_S, strides, walk_range
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.quotient.graph import DisconnectedWarning
 
-#: Number of target sensations, and most touches of each, that the agent uses while it explores a
-#: body that stays as it is. The learn stage and a life have their own numbers.
-_NUM_TARGETS, _KERNEL_SIZE = 150, 300
+#: Number of target sensations that the agent uses while it explores a body that stays as it is.
+#: The learn stage and a life have their own numbers.
+_NUM_TARGETS = 150
+
+#: Most touches of each of these target sensations.
+_KERNEL_SIZE = 300
 
 #: Touches before the agent goes by what it knows.
 _AT_RANDOM = 500
@@ -100,6 +103,16 @@ class Exploration:
                     learner.representation, kernel_sensation=learner.kernel_sensation
                 )
 
+    def _explorer_of(self, timed: bool) -> Callable[..., Explorer]:
+        """Makes the explorer of a round, which may be of a body that is led in time."""
+        if self.experiment.babbling.seek == "postures":
+            return partial(PostureHolder, timed=timed)
+        if self._explorer is not None:
+            return self._explorer
+        if not timed:
+            return PostureSampler
+        return RestlessExplorer if isinstance(self.mind, Life) else ContactExplorer
+
     def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:
         """The next round: explores until `num_rows` configurations that the body can take touch.
 
@@ -113,11 +126,7 @@ class Exploration:
         lower, upper = walk_range(self.body)
         start = rng.uniform(lower, upper) if self._q is None else self._q
         leader.begin_at(start)
-        explorer: Callable[..., Explorer]
-        slides = RestlessWalker if isinstance(self.mind, Life) else Walker
-        explorer = self._explorer or (slides if leader.timed else PostureSampler)
-        if babbling.seek == "postures":
-            explorer = partial(PostureHolder, timed=leader.timed)
+        explorer = self._explorer_of(leader.timed)
         moves = explorer(
             agent=self._agent,
             q=start,

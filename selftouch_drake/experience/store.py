@@ -132,7 +132,12 @@ class Shard:
     @property
     def counts(self) -> WalkCounts:
         """What this walk took."""
-        return WalkCounts(self.num_steps, self.num_impossible, len(self.step), self.robot_s)
+        return WalkCounts(
+            num_steps=self.num_steps,
+            num_impossible=self.num_impossible,
+            num_rows=len(self.step),
+            robot_s=self.robot_s,
+        )
 
 
 def shard_name(walk: int) -> str:
@@ -202,10 +207,10 @@ def read_counts(
         raise StoreError(f"{path} has {found} rows, not {num_rows}; delete it")
     try:
         return WalkCounts(
-            int(metadata[b"selftouch.num_steps"]),
-            int(metadata[b"selftouch.num_impossible"]),
-            found,
-            float(metadata.get(b"selftouch.robot_s", 0.0)),
+            num_steps=int(metadata[b"selftouch.num_steps"]),
+            num_impossible=int(metadata[b"selftouch.num_impossible"]),
+            num_rows=found,
+            robot_s=float(metadata.get(b"selftouch.robot_s", 0.0)),
         )
     except (KeyError, ValueError):
         raise StoreError(f"{path} lacks its number of steps; delete it and babble again") from None
@@ -271,26 +276,7 @@ class ExperienceReader:
         Raises:
             StoreError: a shard is damaged, or does not hold the truth.
         """
-        for path in self._paths:
-            parquet = _open(path)
-            if any(_type(parquet.schema_arrow, name) != kind for name, kind in _CONTACTS.items()):
-                raise StoreError(f"{path} has no contacts; give a folder of shards of the truth")
-            try:
-                table = parquet.read([*_CONTACTS])
-            except UNREADABLE as error:
-                raise _damaged(path, error) from None
-            skin, toucher, p_LC = (one_chunk(table.column(name)) for name in _CONTACTS)
-            lengths = [np.diff(lists.offsets.to_numpy()) for lists in (skin, toucher, p_LC)]
-            values = [lists.flatten() for lists in (skin, toucher, p_LC)]
-            nulls = sum(a.null_count for a in (skin, toucher, p_LC, *values))
-            if nulls or any(not np.array_equal(lengths[0], other) for other in lengths[1:]):
-                raise StoreError(f"{path} lacks values; delete it and babble again")
-            yield Contacts(
-                offsets=np.concatenate([[0], np.cumsum(lengths[0])]).astype(np.int64),
-                skin=values[0].to_numpy(zero_copy_only=False),
-                toucher=values[1].to_numpy(zero_copy_only=False),
-                p_LC=values[2].flatten().to_numpy(zero_copy_only=False).reshape(-1, 3),
-            )
+        return map(_contacts_of, self._paths)
 
     def take_contacts(self, rows: np.ndarray) -> "Contacts":
         """The contacts of some touches, in memory that does not grow with the store.
@@ -317,6 +303,10 @@ class ExperienceReader:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
 
+    def steps(self) -> Iterator[np.ndarray]:
+        """`(N,)` numbers of the steps of a walk in which touches were felt, one array per shard."""
+        return (_open(path).read(["step"]).column("step").to_numpy() for path in self._paths)
+
     def stored(self) -> Iterator[StoredTouches]:
         """The same, unread, for processes that see these files."""
         return (StoredTouches(p.resolve(), _open(p).metadata.num_rows) for p in self._paths)
@@ -324,6 +314,30 @@ class ExperienceReader:
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""
         return np.concatenate(list(self.batches(column)))
+
+
+def _contacts_of(path: Path) -> Contacts:
+    """The contacts in one shard of the truth."""
+    parquet = _open(path)
+    if any(_type(parquet.schema_arrow, name) != kind for name, kind in _CONTACTS.items()):
+        raise StoreError(f"{path} has no contacts; give a folder of shards of the truth")
+    try:
+        table = parquet.read([*_CONTACTS])
+    except UNREADABLE as error:
+        raise _damaged(path, error) from None
+    columns = [one_chunk(table.column(name)) for name in _CONTACTS]
+    lengths = [np.diff(lists.offsets.to_numpy()) for lists in columns]
+    values = [lists.flatten() for lists in columns]
+    has_nulls = any(array.null_count for array in (*columns, *values))
+    if has_nulls or any(not np.array_equal(lengths[0], other) for other in lengths[1:]):
+        raise StoreError(f"{path} lacks values; delete it and babble again")
+    skin, toucher, p_LC = values
+    return Contacts(
+        offsets=np.concatenate([[0], np.cumsum(lengths[0])]).astype(np.int64),
+        skin=skin.to_numpy(zero_copy_only=False),
+        toucher=toucher.to_numpy(zero_copy_only=False),
+        p_LC=p_LC.flatten().to_numpy(zero_copy_only=False).reshape(-1, 3),
+    )
 
 
 def _vectors(rows: np.ndarray) -> pa.FixedSizeListArray:

@@ -1,6 +1,7 @@
 """Random walks in motor space, and who leads a body along them."""
 
 import threading
+from bisect import bisect_right
 from typing import Protocol
 
 import numpy as np
@@ -12,8 +13,10 @@ from selftouch_drake.compiled import compiled
 _GROWS = 256
 # Steps in one batch: large enough for numpy, small in memory.
 _BATCH = 4096
-# s of one batch of a timed walk, and between two configurations that an agent chooses.
-BATCH_S, CHOICE_S = 10.0, 0.02
+#: s of one batch of a timed walk.
+BATCH_S = 10.0
+# s between two configurations that an agent chooses.
+CHOICE_S = 0.02
 
 
 class RandomWalk:
@@ -82,37 +85,44 @@ class StraightPieces:
     def __init__(self, walk: RandomWalk, *, duration: float, velocity: np.ndarray | None = None):
         self._walk, self._duration, self._velocity = walk, duration, velocity
         self._lock = threading.Lock()
-        # `(N,)` s and `(N, J)` of the nodes, and `(N - 1, J)` rates of the pieces between them.
-        nodes = walk.steps(1)
-        self._pieces = np.zeros(1), nodes, np.zeros((0, nodes.shape[1]))
+        # `(N,)` s and `(N, J)` of the nodes.
+        self._nodes: tuple[list[float], np.ndarray] = [0.0], walk.steps(1)
+        # `(N - 1, 2J)` state at the beginning of each piece, and its rate.
+        self._begin = self._rate = np.zeros((0, 2 * self._nodes[1].shape[1]))
 
     def nodes(self, num_nodes: int) -> np.ndarray:
         """`(num_nodes, J)` rad or m, the first nodes."""
-        while len(self._pieces[1]) < num_nodes:
-            self._grow(len(self._pieces[1]))
-        return self._pieces[1][:num_nodes]
+        while len(self._nodes[0]) < num_nodes:
+            self._grow(len(self._nodes[0]))
+        return self._nodes[1][:num_nodes]
 
-    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """`(J,)` where the walk is at a time from 0 on, and `(J,)` its rate."""
-        times, nodes, rates = self._pieces
+    def at(self, time_s: float) -> np.ndarray:
+        """`(2J,)` where the walk is at a time from 0 on, and its rate."""
+        times = self._nodes[0]
         while times[-1] <= time_s:
             self._grow(len(times))
-            times, nodes, rates = self._pieces
-        piece = times.searchsorted(time_s, side="right") - 1
-        return nodes[piece] + (time_s - times[piece]) * rates[piece], rates[piece]
+            times = self._nodes[0]
+        piece = bisect_right(times, time_s) - 1
+        state = self._rate[piece] * (time_s - times[piece])
+        state += self._begin[piece]
+        return state
 
     def _grow(self, num_known: int) -> None:
         with self._lock:
-            times, nodes, _ = self._pieces
+            times, nodes = self._nodes
             if len(times) > num_known:
                 return  # another thread was first
             nodes = np.concatenate([nodes, self._walk.steps(max(_GROWS, len(nodes)))])
             lasting = durations(nodes, self._duration, self._velocity)
             if self._velocity is None:
-                times = self._duration * np.arange(len(nodes))  # which does not drift
+                ends = self._duration * np.arange(len(nodes))  # which does not drift
             else:
-                times = np.append(0.0, lasting.cumsum())
-            self._pieces = times, nodes, np.diff(nodes, axis=0) / np.diff(times)[:, None]
+                ends = np.append(0.0, lasting.cumsum())
+            rates = np.diff(nodes, axis=0) / np.diff(ends)[:, None]
+            self._begin = np.hstack([nodes[:-1], rates])
+            self._rate = np.hstack([rates, np.zeros_like(rates)])
+            # Last: who finds a node finds its piece.
+            self._nodes = ends.tolist(), nodes
 
 
 def durations(path: np.ndarray, duration: float, velocity: np.ndarray | None) -> np.ndarray:

@@ -53,16 +53,9 @@ def explained(error: ValidationError, prefix: str = "") -> ExperimentError:
     """The first of the mistakes that pydantic found; `prefix` is the path of what was checked."""
     first: Any = error.errors(include_url=False)[0]
     kind, value, context = first["type"], first["input"], first.get("ctx", {})
-    parts = [prefix, *(part for part in first["loc"] if part != "[key]")]
-    is_name = first["loc"][-1:] == ("[key]",)
-    if is_name:
-        del parts[-1]
     mistake = context.get("error")
     if isinstance(mistake, Mistake):
-        parts.append(mistake.at)
-    path = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts if p != "")
-    path = ("a name in " if is_name else "") + path.removeprefix(".")
-    if isinstance(mistake, Mistake):
+        path = _field_path(prefix, first["loc"], mistake.at)
         return ExperimentError(mistake.line.replace("{path}", path))
     if kind == "literal_error":
         choices = re.findall("'(.*?)'", context["expected"])
@@ -70,7 +63,22 @@ def explained(error: ValidationError, prefix: str = "") -> ExperimentError:
     else:
         remedy = _REMEDIES.get(kind, first["msg"]).format(**context)
     found = "missing" if kind == "missing" else shown(value)
+    path = _field_path(prefix, first["loc"])
     return ExperimentError(f"{path or 'the experiment'} is {found}; {remedy}")
+
+
+def _field_path(prefix: str, location: tuple[int | str, ...], below: str = "") -> str:
+    """The full path of a field that pydantic locates, and of what is `below` it.
+
+    Where a key of a mapping is wrong, pydantic names the key and then `[key]`.
+    """
+    is_key = location[-1:] == ("[key]",)
+    fields = [part for part in location if part != "[key]"]
+    if is_key:
+        del fields[-1:]
+    parts = [prefix, *fields, below]
+    path = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts if p != "")
+    return ("a name in " if is_key else "") + path.removeprefix(".")
 
 
 def closest(text: str, choices: Iterable[str]) -> str:

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Self
 
 import manifold3d
 import numpy as np
@@ -19,10 +20,11 @@ from selftouch_drake.geometry.hollow import hollow_skin, point_text
 from selftouch_drake.geometry.triangles import sample_triangles
 from selftouch_drake.lazy import ndimage, trimesh
 
-# In units of the resolution: cells of the grid, so small that their steps do not show; the ball
-# that closes gaps; and the ball that rounds edges, so that triangles can follow them.
+# In units of the resolution: the cells of the grid, so small that their steps do not show.
 _CELL = 1 / 3
+# Likewise: the radius of the ball that closes gaps.
 _GAP_RADIUS = 0.7
+# Likewise: the radius of the ball that rounds edges, so that triangles can follow them.
 _EDGE_RADIUS = 0.7
 
 # In units of the skin's thickness: under a surface rounded this much, inner walls do not meet.
@@ -193,56 +195,85 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
         ValueError: If the grid would be too large.
     """
     corners = triangles.reshape(-1, 3)
-    margin = gap + 3 * cell
-    origin = corners.min(axis=0) - margin
-    shape = np.ceil((corners.max(axis=0) + margin - origin) / cell).astype(int) + 1
-    if shape.prod(dtype=float) > _MOST_CELLS:
-        raise ValueError(
-            f"surface.resolution is too fine for geometry {np.ptp(corners, axis=0).max():g} m "
-            f"across: it needs {shape.prod(dtype=float):.1g} cells; give a coarser one, and "
-            "all lengths in metres"
-        )
+    grid = _Grid.around(corners, cell, margin=gap + 3 * cell)
+    points, _ = sample_triangles(triangles, cell / 2)
+    away = grid.distance(points, gap + 2 * cell)
+    inside = ~_joined_to_outside(away > gap)
+    depth = grid.depth_below(inside, away, gap, gap + edge + 2 * cell) - gap
+    whole = np.count_nonzero(depth > 0)
+    if not (depth > edge).any():
+        nothing = np.full(grid.shape, -edge)
+        return Solid(origin=grid.origin, cell=cell, depth=nothing, share=0.0)
+    depth = grid.depth_below(depth > edge, depth, edge, edge + gap + 2 * cell) + edge
+    # Triangulation reads the depth this far on either side, for triangles of five cells.
+    depth = grid.depth_below(depth > -gap, depth, -gap, gap + 5 * cell) - gap
+    depth = np.where(_joined_to_outside(depth <= 0), depth, np.abs(depth))
+    share = np.count_nonzero(depth > 0) / whole
+    return Solid(origin=grid.origin, cell=cell, depth=depth, share=share)
 
-    def distance(points: np.ndarray, reach: float) -> np.ndarray:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Grid:
+    """The points of a grid.
+
+    Attributes:
+        origin: `(3,)` m, the first point.
+        cell: m, between its points.
+        shape: `(3,)` numbers of points along the axes.
+    """
+
+    origin: np.ndarray
+    cell: float
+    shape: np.ndarray
+
+    @classmethod
+    def around(cls, points: np.ndarray, cell: float, *, margin: float) -> Self:
+        """A grid around `(N, 3)` points and a margin, m.
+
+        Raises:
+            ValueError: It would be too large.
+        """
+        origin = points.min(axis=0) - margin
+        shape = np.ceil((points.max(axis=0) + margin - origin) / cell).astype(int) + 1
+        if shape.prod(dtype=float) > _MOST_CELLS:
+            raise ValueError(
+                f"surface.resolution is too fine for geometry {np.ptp(points, axis=0).max():g} m "
+                f"across: it needs {shape.prod(dtype=float):.1g} cells; give a coarser one, and "
+                "all lengths in metres"
+            )
+        return cls(origin=origin, cell=cell, shape=shape)
+
+    def distance(self, points: np.ndarray, reach: float) -> np.ndarray:
         """`(X, Y, Z)` m, distance from the grid to the nearest of `points`, up to `reach`."""
-        empty = np.ones(shape, dtype=bool)
-        empty[tuple(np.round((points - origin) / cell).astype(int).T)] = False
+        empty = np.ones(self.shape, dtype=bool)
+        empty[tuple(np.round((points - self.origin) / self.cell).astype(int).T)] = False
         # A point is at most half the diagonal of a cell from the nearest grid point.
-        near = ndimage.distance_transform_edt(empty) <= reach / cell + 0.87
+        near = ndimage.distance_transform_edt(empty) <= reach / self.cell + 0.87
         found, _ = cKDTree(points).query(
-            origin + cell * np.argwhere(near), distance_upper_bound=reach
+            self.origin + self.cell * np.argwhere(near), distance_upper_bound=reach
         )
-        field = np.full(shape, reach)
+        field = np.full(self.shape, reach)
         field[near] = np.minimum(found, reach)
         return field
 
     def depth_below(
-        inside: np.ndarray, field: np.ndarray, level: float, reach: float
+        self, inside: np.ndarray, field: np.ndarray, level: float, reach: float
     ) -> np.ndarray:
         """`(X, Y, Z)` m, depth below the surface around `inside` where `field` is `level`."""
-        front = []
-        for axis in range(3):
-            here, there = (np.delete(np.arange(shape[axis]), end) for end in (-1, 0))
-            one, two = (np.take(field, index, axis=axis) - level for index in (here, there))
-            crosses = np.take(inside, here, axis=axis) != np.take(inside, there, axis=axis)
-            at = np.argwhere(crosses).astype(float)
-            at[:, axis] += one[crosses] / (one[crosses] - two[crosses])
-            front.append(origin + cell * at)
-        found = distance(np.concatenate(front), reach)
+        surface = np.concatenate([self._crossings(axis, inside, field, level) for axis in range(3)])
+        found = self.distance(surface, reach)
         return np.where(inside, found, -found)
 
-    points, _ = sample_triangles(triangles, cell / 2)
-    away = distance(points, gap + 2 * cell)
-    inside = ~_joined_to_outside(away > gap)
-    depth = depth_below(inside, away, gap, gap + edge + 2 * cell) - gap
-    whole = np.count_nonzero(depth > 0)
-    if not (depth > edge).any():
-        return Solid(origin=origin, cell=cell, depth=np.full(shape, -edge), share=0.0)
-    depth = depth_below(depth > edge, depth, edge, edge + gap + 2 * cell) + edge
-    # Triangulation reads the depth this far on either side, for triangles of five cells.
-    depth = depth_below(depth > -gap, depth, -gap, gap + 5 * cell) - gap
-    depth = np.where(_joined_to_outside(depth <= 0), depth, np.abs(depth))
-    return Solid(origin=origin, cell=cell, depth=depth, share=np.count_nonzero(depth > 0) / whole)
+    def _crossings(
+        self, axis: int, inside: np.ndarray, field: np.ndarray, level: float
+    ) -> np.ndarray:
+        """`(N, 3)` m, where lines along an axis cross the surface around `inside`."""
+        here, there = (np.delete(np.arange(self.shape[axis]), end) for end in (-1, 0))
+        one, other = (np.take(field, index, axis=axis) - level for index in (here, there))
+        crosses = np.take(inside, here, axis=axis) != np.take(inside, there, axis=axis)
+        at = np.argwhere(crosses).astype(float)
+        at[:, axis] += one[crosses] / (one[crosses] - other[crosses])
+        return self.origin + self.cell * at
 
 
 def _joined_to_outside(free: np.ndarray) -> np.ndarray:

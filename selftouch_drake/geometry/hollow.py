@@ -123,56 +123,82 @@ def _inner_wall(surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarr
     Raises:
         ValueError: The wall of the last attempt folds, is too thin or crosses itself.
     """
-    vertices, faces = surface.vertices, surface.faces
-    # Distances to these samples exceed those to the surface by less than 1 % of the thickness.
-    finest = np.sqrt(surface.area / _MOST_SAMPLES)  # whose samples fit in memory
-    cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, finest))
-    outer = cKDTree(cloud)
-
-    def folded(inner: np.ndarray) -> np.ndarray:
-        volumes = tet_volumes(_three_layers(vertices, inner), tetrahedra)
-        return volumes.reshape(-1, 6).min(axis=1) <= 0
-
-    def crushed(inner: np.ndarray) -> np.ndarray | None:
-        if (folds := folded(inner)).any():
-            return surface.triangles_center[folds.argmax()]
-        distance, _ = outer.query(inner)
-        if distance.min() < THINNEST_WALL * thickness:
-            return vertices[distance.argmin()]
-        return first_self_intersection(inner, faces)
-
+    check = _WallCheck(surface, thickness, tetrahedra)
+    vertices = surface.vertices
     # The smoothest steps come first. On a long limb they slide far along it, and into its ends.
     for slide_range in (np.inf, _SLIDE_RANGE * thickness):
         inner = vertices + thickness * _inward_steps(surface, slide_range)
-        if crushed(inner) is None:
+        if check.first_fault(inner) is None:
             return inner
-    # Then a few vertices of a rugged surface are repaired: they move as their neighbours do where
-    # the wall folds or crosses itself, and deeper where it is thin.
-    steps = inner - vertices
-    neighbours = neighbouring_vertices(surface)
+    # Then a few vertices of a rugged surface are repaired.
+    steps, neighbours = inner - vertices, neighbouring_vertices(surface)
     for attempt in range(_MENDINGS):
-        bad = np.zeros(len(vertices), dtype=bool)
-        bad[faces[folded(vertices + steps)]] = True
-        if (
-            not bad.any()
-            and (crossing := first_self_intersection(vertices + steps, faces)) is not None
-        ):
-            near = np.linalg.norm(vertices + steps - crossing, axis=1)
-            bad = near <= max(thickness, near.min())
-        for _ in range(1 + attempt // 4):
-            bad |= neighbours @ bad > 0
-        steps[bad] = (neighbours[bad] @ steps) / neighbours[bad].sum(axis=1)[:, None]
-        distance, nearest = outer.query(vertices + steps)
-        missing = np.maximum(_MENDED_WALL * thickness - distance, 0)
-        away = (vertices + steps - cloud[nearest]) / np.maximum(distance, 1e-12)[:, None]
-        steps += missing[:, None] * away
-        if (point := crushed(vertices + steps)) is None:
+        steps = _mended(steps, check, neighbours, rings=1 + attempt // 4)
+        if (fault := check.first_fault(vertices + steps)) is None:
             return vertices + steps
-    assert point is not None
+    assert fault is not None
     raise ValueError(
         f"thickness is {thickness:g} m, thicker than the surface allows near "
-        f"{point_text(point)} m; make the skin thinner or the surface larger"
+        f"{point_text(fault)} m; make the skin thinner or the surface larger"
     )
+
+
+class _WallCheck:
+    """Checks inner walls of one surface.
+
+    Attributes:
+        surface: the outer surface.
+        thickness: m, of the wall.
+        cloud: `(N, 3)` m, points of the outer surface.
+        outer: a tree of them.
+    """
+
+    def __init__(self, surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray) -> None:
+        self.surface, self.thickness, self._tetrahedra = surface, thickness, tetrahedra
+        # Distances to these samples exceed those to the surface by less than 1 % of the thickness.
+        finest = np.sqrt(surface.area / _MOST_SAMPLES)  # whose samples fit in memory
+        self.cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, finest))
+        self.outer = cKDTree(self.cloud)
+
+    def folded(self, inner: np.ndarray) -> np.ndarray:
+        """`(F,)` bool, faces below which the wall is turned inside out."""
+        volumes = tet_volumes(_three_layers(self.surface.vertices, inner), self._tetrahedra)
+        return volumes.reshape(-1, 6).min(axis=1) <= 0
+
+    def first_fault(self, inner: np.ndarray) -> np.ndarray | None:
+        """`(3,)` m, a place where the wall folds, is too thin or crosses itself; None if none."""
+        if (folds := self.folded(inner)).any():
+            return self.surface.triangles_center[folds.argmax()]
+        distance, _ = self.outer.query(inner)
+        if distance.min() < THINNEST_WALL * self.thickness:
+            return self.surface.vertices[distance.argmin()]
+        return first_self_intersection(inner, self.surface.faces)
+
+
+def _mended(
+    steps: np.ndarray, check: _WallCheck, neighbours: scipy.sparse.csr_array, rings: int
+) -> np.ndarray:
+    """`(V, 3)` m, better steps from outer to inner vertices.
+
+    Where the wall folds or crosses itself, vertices, and some rings of neighbours around them, move
+    as their neighbours do; where it is thin, they move deeper.
+    """
+    vertices, faces, thickness = check.surface.vertices, check.surface.faces, check.thickness
+    bad = np.zeros(len(vertices), dtype=bool)
+    bad[faces[check.folded(vertices + steps)]] = True
+    if not bad.any():
+        crossing = first_self_intersection(vertices + steps, faces)
+        if crossing is not None:
+            near = np.linalg.norm(vertices + steps - crossing, axis=1)
+            bad = near <= max(thickness, near.min())
+    for _ in range(rings):
+        bad |= neighbours @ bad > 0
+    steps = steps.copy()
+    steps[bad] = (neighbours[bad] @ steps) / neighbours[bad].sum(axis=1)[:, None]
+    distance, nearest = check.outer.query(vertices + steps)
+    missing = np.maximum(_MENDED_WALL * thickness - distance, 0)
+    away = (vertices + steps - check.cloud[nearest]) / np.maximum(distance, 1e-12)[:, None]
+    return steps + missing[:, None] * away
 
 
 def _inward_steps(surface: trimesh.Trimesh, slide_range: float) -> np.ndarray:

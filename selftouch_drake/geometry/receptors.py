@@ -196,26 +196,17 @@ def placed_fields(
     Returns:
         The fields; and `(S,)` m, by how much each receptor was moved onto the surface.
     """
-    near = cKDTree(p_LS).query(p_LS, 1 + OVERLAP)[0]
+    distance, _ = cKDTree(p_LS).query(p_LS, 1 + OVERLAP)
     if radius is None:
-        radius = np.full(len(p_LS), FIELD_MARGIN * np.median(near[:, OVERLAP]))
+        radius = np.full(len(p_LS), FIELD_MARGIN * np.median(distance[:, OVERLAP]))
     radius = width * radius
-    surface = _refined(surface, float(np.median(near[:, 1])))
-    vertices, typical = np.array(surface.vertices), float(np.median(radius))
-    at, to = vertices, p_LS
-    if normal is not None:
-        # To face the other way costs as much as a distance of the radius.
-        at = np.hstack([at, typical / 2 * surface.vertex_normals])
-        to = np.hstack([to, typical / 2 * normal])
-    nearest, paths = cKDTree(at).query(to)[1], surface_paths(surface)
-    columns = [
-        csr_matrix(np.square(np.maximum(1 - np.square(distance / radius[some, None]), 0)))
-        for some in np.array_split(np.arange(len(p_LS)), len(p_LS) // _AT_ONCE + 1)
-        for distance in [dijkstra(paths, indices=nearest[some], limit=radius[some].max())]
-    ]
-    weights = vstack(columns).T.tocsr()
+    typical = float(np.median(radius))
+    surface = _refined(surface, float(np.median(distance[:, 1])))
+    nearest = _nearest_vertices(surface, p_LS, normal, typical)
+    weights = _round_fields(surface, nearest, radius)
     total = np.maximum(weights.sum(axis=1).A1, 1.0)
     weights.data /= np.repeat(total, np.diff(weights.indptr))
+    vertices = np.array(surface.vertices)
     fields = ReceptiveFields(
         p_LS=vertices[nearest],
         vertices=vertices,
@@ -225,8 +216,30 @@ def placed_fields(
     )
     corner, part = fields.parts_at(p_LS)
     foot = np.einsum("nk,nki->ni", part, vertices[corner])
-    facing = np.linalg.norm(p_LS - fields.p_LS, axis=1)
-    return fields, np.minimum(np.linalg.norm(p_LS - foot, axis=1), facing)
+    to_surface = np.linalg.norm(p_LS - foot, axis=1)
+    to_vertex = np.linalg.norm(p_LS - fields.p_LS, axis=1)
+    return fields, np.minimum(to_surface, to_vertex)
+
+
+def _nearest_vertices(
+    surface: trimesh.Trimesh, p_LS: np.ndarray, normal: np.ndarray | None, radius: float
+) -> np.ndarray:
+    """`(S,)` the vertex nearest to each receptor; with normals, one that faces the same way."""
+    if normal is None:
+        return cKDTree(np.array(surface.vertices)).query(p_LS)[1]
+    # To face the other way costs as much as a distance of the radius.
+    vertices = np.hstack([surface.vertices, radius / 2 * surface.vertex_normals])
+    return cKDTree(vertices).query(np.hstack([p_LS, radius / 2 * normal]))[1]
+
+
+def _round_fields(surface: trimesh.Trimesh, centre: np.ndarray, radius: np.ndarray) -> csr_matrix:
+    """`(V, S)` smooth round bumps about `(S,)` vertices, each 0 from its `(S,)` radius, m, on."""
+    paths, rows = surface_paths(surface), []
+    for some in np.array_split(np.arange(len(centre)), len(centre) // _AT_ONCE + 1):
+        distance = dijkstra(paths, indices=centre[some], limit=radius[some].max())
+        bump = np.square(np.maximum(1 - np.square(distance / radius[some, None]), 0))
+        rows.append(csr_matrix(bump))
+    return vstack(rows).T.tocsr()
 
 
 def group_centres(fields: ReceptiveFields, group: np.ndarray) -> ReceptiveFields:

@@ -195,17 +195,7 @@ def mesh_file(
     """
     _require_lengths(resolution=resolution, scale=scale)
     path = Path(path)
-    surface = _read(path, scale)
-    if not surface.is_watertight:
-        raise ValueError(f"surface.mesh {path} is open; close its holes so that it is watertight")
-    if surface.body_count != 1:
-        raise ValueError(f"surface.mesh {path} has {surface.body_count} pieces; join them into one")
-    if not surface.is_winding_consistent:
-        trimesh.repair.fix_winding(surface)
-    if surface.volume < 0:
-        surface.invert()
-    if not (surface.is_winding_consistent and surface.volume > 0):
-        raise ValueError(f"surface.mesh {path} has no inside; orient all its triangles outwards")
+    surface = _outward(_read(path, scale), path)
     num_triangles = surface.area / _equilateral_area(resolution)
     if num_triangles > MAX_TRIANGLES:
         raise ValueError(
@@ -232,6 +222,21 @@ def mesh_file(
             f"surface.mesh {path} intersects itself near {point_text(crossing)} m; "
             "repair it so that its surface never crosses itself"
         )
+    return surface
+
+
+def _outward(surface: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
+    """Turns all triangles of a surface outwards; a ValueError if it encloses no single solid."""
+    if not surface.is_watertight:
+        raise ValueError(f"surface.mesh {path} is open; close its holes so that it is watertight")
+    if surface.body_count != 1:
+        raise ValueError(f"surface.mesh {path} has {surface.body_count} pieces; join them into one")
+    if not surface.is_winding_consistent:
+        trimesh.repair.fix_winding(surface)
+    if surface.volume < 0:
+        surface.invert()
+    if not (surface.is_winding_consistent and surface.volume > 0):
+        raise ValueError(f"surface.mesh {path} has no inside; orient all its triangles outwards")
     return surface
 
 

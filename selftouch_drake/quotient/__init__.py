@@ -10,8 +10,7 @@ space stands for X/=_phi, what it touches. Read in this order:
 
 1. `sensations`, `kernels`: target sensations, and motor kernel sets, the points of M/=_Psi.
 2. `distances`, `scale`, `graph`, `paths`: distances between these points, and a graph over them.
-3. `learn`, with `batches`, `reservoir` and `senses`: all of that from experience of any size. It
-   makes a `representation`.
+3. `learn`: all of that from the `experience`. It makes a `representation`.
 4. `lengths`, `layout`, `holes`, `alpha`, `surface`, `dimension`, `body`: what the graph says about
    the body.
 5. `links`, `firm`, `route`, `waypoints`, `smooth`, `plan`: motions from any sensation to any other.

@@ -1,4 +1,4 @@
-"""The alpha complex of points in a plane or in space.
+"""The alpha complex of a layout, from which `holes` and `surface` are found.
 
 A ball grows around every point. At each radius, the alpha complex holds the simplices of the
 Delaunay triangulation that the balls cover, and has the homology of their union.

@@ -1,7 +1,9 @@
 """Firm touches: the motor configurations of a kernel that plans pass, and at which they end.
 
-A touch that is just felt is lost by a small error of the motion. The strength of the sensation
-tells the agent which touches are firm.
+"Each point of the internal representation corresponds to a set of different end-effector poses that
+generates little variation around the target sensation" (paper, section III); not all of them are
+equally good to pass. A touch that is just felt is lost by a small error of the motion. The strength
+of the sensation tells the agent which touches are firm.
 """
 
 import numpy as np

@@ -69,3 +69,16 @@ class KernelSets:
 def quick_to_sort(kernel: np.ndarray) -> np.ndarray:
     """The same numbers in as few bytes as they need: numpy sorts one or two bytes by counting."""
     return kernel.astype(np.min_scalar_type(kernel.max(initial=0)))
+
+
+def sample_rows(kernel: np.ndarray, max_size: int, *, seed: int) -> np.ndarray:
+    """`(R,)` rows of `(n,)` kernels, at most `max_size` of each, sorted by kernel and then by row.
+
+    Each row of a kernel is kept with equal probability. The paper keeps a thousand.
+    """
+    priority = np.random.Generator(np.random.PCG64(seed)).random(len(kernel))
+    order = np.lexsort((priority, quick_to_sort(kernel)))
+    by_kernel = kernel[order]
+    rank = np.arange(len(order)) - np.searchsorted(by_kernel, by_kernel)
+    kept = np.sort(order[rank < max_size])
+    return kept[np.argsort(kernel[kept], kind="stable")]

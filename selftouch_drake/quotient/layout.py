@@ -75,15 +75,18 @@ class Majoriser:
     ) -> np.ndarray:
         """Moves `(K, d)` positions, step by step, toward `(K, K)` distances (Guttman transform)."""
         pull, dimension = self.weights * distances, positions.shape[1]
-        most = max(dimension, 3)  # the fourth is seldom needed
+        num_used = max(dimension, 3)  # the fourth coordinate is seldom needed
         laid = np.zeros((4, len(pull)))
         laid[:dimension] = positions.T
         total = np.empty_like(laid)
+        add_pulls = partial(_add_pulls, laid, pull, total)
         with thread_pool() as pool:
-            for left in reversed(range(num_iterations)):
-                list(pool.map(partial(_add_pulls, laid, pull, total), range(0, len(pull), _ROWS)))
-                moved = total[:most] @ self._inverse
-                laid[:most] = 2.0 * moved - laid[:most] if left else moved
+            for iteration in range(num_iterations):
+                list(pool.map(add_pulls, range(0, len(pull), _ROWS)))
+                moved = total[:num_used] @ self._inverse
+                if iteration < num_iterations - 1:
+                    moved = 2.0 * moved - laid[:num_used]  # overrelaxed: twice as far
+                laid[:num_used] = moved
         return laid[:dimension].T
 
 
@@ -195,7 +198,8 @@ def unbent(
 def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
     """Moves, turns, mirrors and scales `(K, d)` `source` onto `(K, D)` `target` (Procrustes).
 
-    Coordinates that it lacks are 0. Instead of `source`, `(N, d)` points may be moved in this way.
+    If d is less than D, missing coordinates are 0. Returns `source` as it is moved, `(K, D)`, or
+    `(N, d)` other points that are moved in the same way.
     """
     missing = ((0, 0), (0, target.shape[1] - source.shape[1]))
     moved = np.pad(source if points is None else points, missing)
@@ -212,7 +216,7 @@ def _classical_axes(distances: np.ndarray, num_axes: int) -> tuple[np.ndarray, n
     """`(K, num_axes)` principal coordinates, each with a fixed sign, and the spectrum."""
     squared = np.square(distances, dtype=float)
     centred = squared - squared.mean(axis=0) - squared.mean(axis=1)[:, None] + squared.mean()
-    # All vectors would take twice as long.
+    # Only the vectors that are used: all of them would take twice as long.
     values = eigvalsh(-centred / 2)[::-1]
     _, vectors = eigh(-centred / 2, subset_by_index=[len(values) - num_axes, len(values) - 1])
     axes = vectors[:, ::-1] * np.sqrt(np.maximum(values[:num_axes], 0.0))
@@ -247,7 +251,7 @@ def _add_pulls(positions: np.ndarray, pull: np.ndarray, total: np.ndarray, start
         sum_x = sum_y = sum_z = sum_w = 0.0
         for j in range(len(x)):
             dx, dy, dz, dw = x[i] - x[j], y[i] - y[j], z[i] - z[j], w[i] - w[j]
-            # Of equal points, the vector is zero.
+            # The vector between equal points is zero, and so is its pull.
             ratio = pull[i, j] / np.sqrt(max(dx * dx + dy * dy + dz * dz + dw * dw, _TINY))
             sum_x += ratio * dx
             sum_y += ratio * dy

@@ -1,11 +1,12 @@
-"""Links: the kernels between which a plan may step.
+"""Links: the points of M/=_Psi between which a plan may step (paper, "Motor planning").
 
-The quotient graph measures the body, so one edge through it would distort all of it. A planner
-needs more freedom: `step_links` joins kernels between which the agent may step: the edges of the
-graph, so that all of a body can be reached, and all pairs of kernels that feel alike, however far
-apart their motor configurations are. A planner weights each link by the actual step and penalises
-leaps. So an unneeded link costs nothing, but a missing link costs a detour: over 200 plans on a
-torus (1000 targets), the cubed steps sum to 1.49 along edges alone and to 1.1 with links.
+In the paper, plans step along the complete graph. The quotient graph here measures the body, so one
+edge through it would distort all of it; a planner needs more freedom. `step_links` joins kernels
+between which the agent may step: the edges of the graph, so that all of a body can be reached, and
+all pairs of kernels that feel alike, however far apart their motor configurations are. A planner
+weights each link by the actual step and penalises leaps. So an unneeded link costs nothing, but a
+missing link costs a detour: over 200 plans on a torus (1000 targets), the cubed steps sum to 1.49
+along edges alone and to 1.1 with links.
 """
 
 import numpy as np

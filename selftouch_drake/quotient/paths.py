@@ -1,4 +1,4 @@
-"""Shortest paths over M/=_Psi: how far one kernel is from another along a graph.
+"""Shortest paths over M/=_Psi: how far one point is from another along a graph.
 
 "The agent is able to proceed from any point to another along a path computed in the graph" (paper,
 "Motor planning"). Lengths of such paths are geodesic distances along what the agent touches.

@@ -45,9 +45,12 @@ class MotorPath:
     path: BSpline
 
     def __post_init__(self) -> None:
+        check_arrays(self, self.shapes(), {"nodes": WHOLE})
+
+    def shapes(self) -> dict[str, tuple[int | None, ...]]:
+        """The shapes of its arrays, in which None is any length."""
         num = self.nodes.size
-        shapes = {"nodes": (num,), "waypoint_s": (num,), "waypoints_q": (num, None)}
-        check_arrays(self, shapes, {"nodes": WHOLE})
+        return {"nodes": (num,), "waypoint_s": (num,), "waypoints_q": (num, None)}
 
     @property
     def goal(self) -> int:

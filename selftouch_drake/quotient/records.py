@@ -34,6 +34,6 @@ def check_arrays(
             expected = str(shape).replace("None", "any")
             raise ValueError(f"{name} has shape {array.shape}, expected {expected}")
         letters, words = kind = (kinds or {}).get(field, FINITE)
-        finite = kind != FINITE or np.isfinite(array).all()
-        if array.dtype.kind not in letters or not finite:
+        of_kind = array.dtype.kind in letters
+        if not of_kind or (kind == FINITE and not np.isfinite(array).all()):
             raise ValueError(f"{name} must hold {words}")

@@ -130,46 +130,29 @@ def carried_route(
         power, unit, length = _JOINTS_POWER, 1.0, np.zeros(len(penalty))
     else:
         power, unit = _BODY_POWER, graph.typical_step
+    price = (penalty / unit ** (2 * power))[graph.way_link], length[graph.way_link], power
+    x_start = np.asarray(query.x_start, dtype=np.float32)
+    x_goal = np.ascontiguousarray(query.x_goal, dtype=np.float32)
     return _carry(
-        _Firm(graph.firm.x, graph.firm_kernel, graph.firm.offsets),
-        _Ways(graph.way_offsets, graph.way_kernel, *graph.steps),
-        _Cost((penalty / unit ** (2 * power))[graph.way_link], length[graph.way_link], power),
-        query._replace(
-            x_start=np.asarray(query.x_start, dtype=np.float32),
-            x_goal=np.ascontiguousarray(query.x_goal, dtype=np.float32),
-        ),
+        (graph.firm.x, graph.firm_kernel, graph.firm.offsets),
+        (graph.way_offsets, graph.way_kernel, *graph.steps),
+        price,
+        (query.start, x_start, query.goal, x_goal),
     )
 
 
-class _Firm(NamedTuple):
-    """The firm configurations of a graph: `(F, J)`, `(F,)` their kernels, `(K + 1,)` offsets."""
-
-    x: np.ndarray
-    kernel: np.ndarray
-    offsets: np.ndarray
-
-
-class _Ways(NamedTuple):
-    """The ways of a graph, and the nearest steps along them."""
-
-    offsets: np.ndarray
-    kernel: np.ndarray
-    step_offsets: np.ndarray
-    step_row: np.ndarray
-    step_squared: np.ndarray
-
-
-class _Cost(NamedTuple):
-    """What a step along a way costs: `factor * squared step ** power + length`, `(2L,)` each."""
-
-    factor: np.ndarray
-    length: np.ndarray
-    power: float
-
-
+# Plain tuples: numba takes a tenth of a millisecond to recognise named ones, in each call.
 @njit(cache=True)
 def _carry(firm, ways, price, query):
-    num_firm, num_kernels = len(firm.x), len(firm.offsets) - 1
+    """The search of `carried_route`.
+
+    A step along a way costs `factor * squared step ** power + length`.
+    """
+    firm_x, firm_kernel, firm_offsets = firm
+    way_offsets, way_kernel, step_offsets, step_row, step_squared = ways
+    factor, length, power = price
+    start, x_start, goal, x_goal = query
+    num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1
     cost, before = np.full(num_firm + 2, np.inf), np.empty(num_firm + 2, dtype=np.int32)
@@ -184,38 +167,38 @@ def _carry(firm, ways, price, query):
         if through > cost[place]:
             continue
         if place == at_start:
-            x, kernel = query.x_start, query.start
+            x, kernel = x_start, start
         else:
-            x, kernel = firm.x[place], firm.kernel[place]
-            if not _visit(firm.x, place, visited[kernel], num_visits[kernel]):
+            x, kernel = firm_x[place], firm_kernel[place]
+            if not _visit(firm_x, place, visited[kernel], num_visits[kernel]):
                 continue
             num_visits[kernel] += 1
-        for way in range(ways.offsets[kernel], ways.offsets[kernel + 1]):
-            there = ways.kernel[way]
-            if there == query.goal:
-                to, step = at_goal, _nearest_step(x, query.x_goal)[1]
+        for way in range(way_offsets[kernel], way_offsets[kernel + 1]):
+            there = way_kernel[way]
+            if there == goal:
+                to, step = at_goal, _nearest_step(x, x_goal)[1]
             elif num_visits[there] == _MAX_VISITS:
                 continue
             elif place == at_start:
-                first = firm.offsets[there]
-                nearest, step = _nearest_step(x, firm.x[first : firm.offsets[there + 1]])
+                first = firm_offsets[there]
+                nearest, step = _nearest_step(x, firm_x[first : firm_offsets[there + 1]])
                 to = first + nearest
             else:
-                entry = ways.step_offsets[way] + place - firm.offsets[kernel]
-                to, step = ways.step_row[entry], ways.step_squared[entry]
-            price_of_step = price.factor[way] * np.float64(step) ** price.power
-            onward = through + price_of_step + price.length[way]
+                entry = step_offsets[way] + place - firm_offsets[kernel]
+                to, step = step_row[entry], step_squared[entry]
+            onward = through + factor[way] * np.float64(step) ** power + length[way]
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place
                 heapq.heappush(queue, (onward, to))
-    route = [query.goal]
-    if cost[at_goal] < np.inf:
-        place = before[at_goal]
-        while place != at_start:
-            route.append(firm.kernel[place])
-            place = before[place]
-        route.append(query.start)
-    return np.array(route[::-1] if len(route) > 1 else route[:0])
+    if cost[at_goal] == np.inf:
+        return np.empty(0, dtype=np.int64)
+    route = [goal]
+    place = before[at_goal]
+    while place != at_start:
+        route.append(firm_kernel[place])
+        place = before[place]
+    route.append(start)
+    return np.array(route[::-1])
 
 
 @njit

@@ -2,9 +2,9 @@
 
 Conservative: a toucher whose ball is out of a skin's box cannot touch it.
 
-Most configurations of a random walk touch nothing. Those cost what it takes to place the touchers
-and to see that they are outside the skins' boxes, many configurations at a time: the innermost
-loops run over `_LANES` of them, for the processor's vector instructions.
+Most configurations of a random walk touch nothing. For those it is enough to place the touchers and
+to see that they are outside the skins' boxes. The innermost loops run over `_LANES` configurations
+at a time, for the processor's vector instructions.
 """
 
 import numpy as np
@@ -20,7 +20,11 @@ _ROUNDING = 1e-6
 
 
 class BroadPhase:
-    """The screen of one robot."""
+    """Finds the pairs of one robot that may touch.
+
+    Each toucher has a ball around it, and each skin a box, in the frames of the joints that move
+    them.
+    """
 
     def __init__(self, robot: Robot):
         self._tree = tree = robot.kinematics

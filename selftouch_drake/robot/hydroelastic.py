@@ -17,6 +17,7 @@ from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.soft_skin import add_load, feel_loads, soft_skin, tets_near
 from selftouch_drake.robot.touchers import PATCH, rigid_mesh, triangles_in_frame
 
+# As in Drake, a piece counts if its normal and the gradient of the pressure are nearer than this.
 _LEAST_COSINE = np.cos(5 * np.pi / 8)
 
 

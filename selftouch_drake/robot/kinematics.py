@@ -2,14 +2,33 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.systems.framework import Context
 
 from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.robot.links import all_joints
+
+
+class TreeJoint(NamedTuple):
+    """A moving joint in the tree of a plant.
+
+    Attributes:
+        joint: the joint.
+        near: its frame on the body nearer to the world.
+        far: its frame on the other body, the joint's child but in a model that is welded to the
+            world by its tip.
+        moved: the indices of all bodies that it moves.
+    """
+
+    joint: Joint
+    near: Frame
+    far: Frame
+    moved: set[int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,37 +60,16 @@ class Kinematics:
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))
         tree = joint_tree(plant)
-        turns = [isinstance(joint, RevoluteJoint) for joint, *_ in tree]
-        # At zero the frame that a joint moves lies in the frame it moves in. Both are turned, so
-        # that all axes are z.
-        X_WJ = []
-        for (joint, near, *_), turn in zip(tree, turns, strict=True):
-            axis = joint.revolute_axis() if turn else joint.translation_axis()
-            axis = axis if near.index() == joint.frame_on_parent().index() else -axis
-            R_FJ = RotationMatrix.MakeFromOneVector(axis, 2)
-            X_WF = joint.frame_on_parent().CalcPoseInWorld(context)
-            X_WJ.append(X_WF @ RigidTransform(R_FJ, np.zeros(3)))
-
-        def carrier(body: RigidBody) -> int:
-            """The last moving joint on the way from the world to a body; -1 for none."""
-            carriers = [k for k, (*_, moved) in enumerate(tree) if int(body.index()) in moved]
-            return min(carriers, key=lambda k: len(tree[k][3]), default=-1)
-
-        parent = [carrier(near.body()) for _, near, *_ in tree]
-        owner = [carrier(frame.body()) for frame in frames]
+        X_WJ = [_axis_frame(each, context) for each in tree]
+        parent = [_carrier(tree, each.near.body()) for each in tree]
+        owner = [_carrier(tree, frame.body()) for frame in frames]
         X_WL = [frame.CalcPoseInWorld(context) for frame in frames]
-
-        def relative(X_WF: Sequence[RigidTransform], joints: Sequence[int]) -> np.ndarray:
-            pairs = zip(X_WF, joints, strict=True)
-            X_JF = [X if j < 0 else X_WJ[j].InvertAndCompose(X) for X, j in pairs]
-            return np.array([X.GetAsMatrix34() for X in X_JF]).reshape(-1, 3, 4)
-
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
-            X_PF=relative(X_WJ, parent),
-            turns=np.array(turns),
+            X_PF=_relative(X_WJ, X_WJ, parent),
+            turns=np.array([isinstance(each.joint, RevoluteJoint) for each in tree]),
             owner=np.array(owner, dtype=np.int64),
-            X_JL=relative(X_WL, owner),
+            X_JL=_relative(X_WL, X_WJ, owner),
         )
 
     def poses(self, q: np.ndarray) -> np.ndarray:
@@ -82,22 +80,48 @@ class Kinematics:
         return X_WL
 
 
-def joint_tree(plant: MultibodyPlant) -> list[tuple[Joint, Frame, Frame, set[int]]]:
-    """The moving joints of a finalized plant, in the order of its positions.
-
-    Returns:
-        Each joint; its frames on the body nearer to the world, and on the farther one; and the
-        indices of all bodies that it moves. The farther one is the joint's child, but in a model
-        that is welded to the world by its tip.
-    """
+def joint_tree(plant: MultibodyPlant) -> list[TreeJoint]:
+    """The moving joints of a finalized plant, in the order of its positions."""
     tree = []
     moving = [joint for joint in all_joints(plant) if joint.num_positions()]
     for joint in sorted(moving, key=lambda joint: joint.position_start()):
         moved = {int(body) for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()])}
         near, far = joint.frame_on_parent(), joint.frame_on_child()
-        is_usual = int(far.body().index()) in moved
-        tree.append((joint, near, far, moved) if is_usual else (joint, far, near, moved))
+        if int(far.body().index()) not in moved:
+            near, far = far, near
+        tree.append(TreeJoint(joint=joint, near=near, far=far, moved=moved))
     return tree
+
+
+def _axis_frame(each: TreeJoint, context: Context) -> RigidTransform:
+    """The pose in the world of a joint's frame, turned so that its axis is z.
+
+    At zero, the frame that a joint moves lies in the frame in which it moves.
+    """
+    joint = each.joint
+    axis = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+    if each.near.index() != joint.frame_on_parent().index():
+        axis = -axis
+    R_FJ = RotationMatrix.MakeFromOneVector(axis, 2)
+    X_WF = joint.frame_on_parent().CalcPoseInWorld(context)
+    return X_WF @ RigidTransform(R_FJ, np.zeros(3))
+
+
+def _carrier(tree: Sequence[TreeJoint], body: RigidBody) -> int:
+    """The last moving joint on the way from the world to a body; -1 for none."""
+    carriers = [k for k, each in enumerate(tree) if int(body.index()) in each.moved]
+    return min(carriers, key=lambda k: len(tree[k].moved), default=-1)
+
+
+def _relative(
+    X_WF: Sequence[RigidTransform], X_WJ: Sequence[RigidTransform], joints: Sequence[int]
+) -> np.ndarray:
+    """`(n, 3, 4)` poses of frames on the frames of the joints with these numbers; -1: the world."""
+    X_JF = [
+        X if joint < 0 else X_WJ[joint].InvertAndCompose(X)
+        for X, joint in zip(X_WF, joints, strict=True)
+    ]
+    return np.array([X.GetAsMatrix34() for X in X_JF]).reshape(-1, 3, 4)
 
 
 @compiled

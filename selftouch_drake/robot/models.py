@@ -1,11 +1,8 @@
 """From model directives to what Drake's parser takes, and every file that decides the robot."""
 
 import contextlib
-import hashlib
 import json
 import logging.handlers
-import math
-import os
 import sys
 import xml.dom.expatbuilder
 import xml.dom.minidom
@@ -25,12 +22,11 @@ from pydrake.multibody.parsing import (
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
 
 from selftouch_drake.experiment import ExperimentError, closest
-from selftouch_drake.files import write_text_whole
-from selftouch_drake.lazy import trimesh
 from selftouch_drake.resources import MODELS
+from selftouch_drake.robot.converted import as_obj, cache_folder, cached_copy
+from selftouch_drake.robot.mjcf import limit_efforts, mjcf_efforts
 
 # The package of the shipped models, which is always there.
 SHIPPED = "selftouch_drake"
@@ -75,7 +71,7 @@ def load_model(
     loaded, _ = reader.directives(reader.find(directives, Path.cwd(), what="robot.directives"))
     if reader.num_converted and announce is not None:
         number = f"{reader.num_converted} mesh" + ("es" if reader.num_converted > 1 else "")
-        announce(f"converted {number} to OBJ into {_cache_folder() / 'meshes'}")
+        announce(f"converted {number} to OBJ into {cache_folder() / 'meshes'}")
     return RobotModel(directives=loaded, packages=roots, files=tuple(reader.files))
 
 
@@ -92,8 +88,8 @@ def parse(plant: MultibodyPlant, model: RobotModel) -> None:
         loaded = ProcessModelDirectives(model.directives, parser)
     for info in loaded:
         if info.model_path.endswith(".xml"):
-            efforts = _mjcf_efforts(_read_xml(Path(info.model_path)))
-            _limit_efforts(plant, info.model_instance, efforts)
+            efforts = mjcf_efforts(_read_xml(Path(info.model_path)))
+            limit_efforts(plant, info.model_instance, efforts)
 
 
 def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
@@ -174,7 +170,7 @@ class _Reader:
                 else:
                     nested, copied = self.directives(file)
                     if copied:
-                        place = _cached_copy(file.name, yaml_dump_typed(nested))
+                        place = cached_copy(file.name, yaml_dump_typed(nested))
                 any_copied |= place != file
                 entry.file = f"file://{place}"  # Drake does not decode what as_uri quotes
         return loaded, any_copied
@@ -200,7 +196,7 @@ class _Reader:
         for node, _, place in places:
             # All of them: a relative path would start in the cache.
             node.nodeValue = str(place)
-        return _cached_copy(path.name, document.toxml())
+        return cached_copy(path.name, document.toxml())
 
     def _place(self, file: Path, taken: frozenset[str] | None) -> Path:
         """Where Drake is to read a file that a model names."""
@@ -209,7 +205,7 @@ class _Reader:
         self.files |= dict.fromkeys([file, *_buffers(file)])
         if file.suffix.lower() in taken:
             return file
-        place, is_new = _as_obj(file)
+        place, is_new = as_obj(file)
         self.num_converted += is_new
         return place
 
@@ -261,61 +257,6 @@ def _references(
                     yield uri.firstChild, folder, taken
 
 
-def _mjcf_efforts(document: Any) -> dict[str, float]:
-    """N·m or N, the most that the actuators of each joint of an MJCF file exert together.
-
-    The force of a motor is its control; `gear` multiplies it on the way to the joint.
-    """
-    defaults: dict[str, dict[str, str]] = {}
-    for default in document.getElementsByTagName("default"):  # an outer one before those inside
-        settings = dict(defaults.get(default.parentNode.getAttribute("class") or "main", {}))
-        for child in default.childNodes:
-            if child.nodeName in _ACTUATORS:
-                settings |= dict(child.attributes.items())
-        defaults[default.getAttribute("class") or "main"] = settings
-    efforts: dict[str, float] = {}
-    for section in document.getElementsByTagName("actuator"):
-        for actuator in section.childNodes:
-            if actuator.nodeName not in _ACTUATORS:
-                continue
-            own = dict(actuator.attributes.items())
-            settings = defaults.get(own.get("class", "main"), {}) | own
-            most = _largest(settings, "force")
-            if actuator.nodeName == "motor":
-                most = min(most, _largest(settings, "ctrl"))
-            gear = abs(float(settings.get("gear", "1").split()[0]))
-            joint = settings.get("joint", "")
-            efforts[joint] = efforts.get(joint, 0.0) + gear * most
-    return efforts
-
-
-def _largest(settings: Mapping[str, str], what: str) -> float:
-    if settings.get(f"{what}limited") == "false" or f"{what}range" not in settings:
-        return math.inf
-    return max(abs(float(end)) for end in settings[f"{what}range"].split())
-
-
-def _limit_efforts(
-    plant: MultibodyPlant, model: ModelInstanceIndex, efforts: Mapping[str, float]
-) -> None:
-    """Limits actuators as MuJoCo does; Drake leaves `gear` out, and some kinds of actuators."""
-    without = {name for name in efforts if plant.HasJointNamed(name, model)}
-    # Before a plant is finalized, it does not tell the actuators of one model.
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_mutable_joint_actuator(index)
-        name = actuator.joint().name()
-        if name in without and actuator.model_instance() == model:
-            actuator.set_effort_limit(efforts[name])
-            without.discard(name)
-        elif name in efforts and actuator.model_instance() == model:
-            plant.RemoveJointActuator(actuator)  # the first one exerts what all do together
-    for name in sorted(without):
-        joint = plant.GetJointByName(name, model)
-        if joint.num_velocities() == 1:
-            plant.AddJointActuator(f"{name}_actuator", joint, efforts[name])
-
-
-_ACTUATORS = ("motor", "position", "velocity", "general")
 # What Drake 1.51 and 1.58 take as collision geometry, and draw.
 _DRAKE_SUFFIXES = frozenset({".obj", ".vtk", ".gltf"})
 _IMAGES = frozenset({".png", ".jpg", ".jpeg", ".ktx2"})
@@ -345,73 +286,6 @@ def _buffers(path: Path) -> list[Path]:
         ) from None
     files = [path.parent / unquote(name) for name in names if not name.startswith("data:")]
     return [file.resolve() for file in files if file.is_file()]
-
-
-def _cached_copy(name: str, text: str) -> Path:
-    """Keeps a rewritten file in the cache; the same text is the same file."""
-    path = _cache_folder() / "models" / hashlib.sha256(text.encode()).hexdigest() / name
-    if not path.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text_whole(path, text)
-    return path
-
-
-def _cache_folder() -> Path:
-    """Where converted files are kept: in `$XDG_CACHE_HOME`, or `~/.cache`."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "selftouch_drake"
-
-
-def _as_obj(path: Path) -> tuple[Path, bool]:
-    """The OBJ file of a mesh in the cache, in metres, and whether it was made just now.
-
-    The same content gives the same file; one that is there is used again.
-    """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ExperimentError(
-            f"mesh {path} cannot be read ({error.strerror}); give the path of a mesh file"
-        ) from None
-    digest = hashlib.sha256(path.suffix.lower().encode() + content).hexdigest()
-    converted = _cache_folder() / "meshes" / digest / f"{path.stem}.obj"
-    if converted.is_file():
-        return converted, False
-    text = trimesh.exchange.obj.export_obj(
-        _read_mesh(path), include_normals=False, include_color=False, include_texture=False
-    )
-    converted.parent.mkdir(parents=True, exist_ok=True)
-    write_text_whole(converted, text)
-    return converted, True
-
-
-def _read_mesh(path: Path) -> trimesh.Trimesh:
-    try:
-        scale = _metres_per_unit(path)
-        # Scenes of several pieces become one mesh, each piece in its place.
-        scene: Any = trimesh.load(path, force="scene")
-        mesh = trimesh.util.concatenate(scene.dump())
-    except ExperimentError:
-        raise
-    except Exception as error:  # Each of trimesh's readers fails in its own way.
-        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
-        raise ExperimentError(f"mesh {path} cannot be read ({reason}); export it as OBJ") from error
-    if not isinstance(mesh, trimesh.Trimesh) or mesh.is_empty:
-        raise ExperimentError(f"mesh {path} has no triangles; export it as OBJ")
-    return mesh.apply_scale(scale)
-
-
-def _metres_per_unit(path: Path) -> float:
-    """COLLADA states its unit, which trimesh does not apply; other formats are in metres."""
-    if path.suffix.lower() != ".dae":
-        return 1.0
-    try:
-        import collada
-    except ImportError:
-        raise ExperimentError(
-            f"mesh {path} is a COLLADA file, which needs pycollada: "
-            "pip install 'selftouch-drake[collada]'"
-        ) from None
-    return collada.Collada(str(path), ignore=[collada.common.DaeError]).assetInfo.unitmeter or 1.0
 
 
 @contextlib.contextmanager

@@ -15,10 +15,11 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
+from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.experiment.schema import Reading
-from selftouch_drake.robot.kinematics import joint_tree
+from selftouch_drake.robot.kinematics import TreeJoint, joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
 
@@ -94,27 +95,30 @@ class Neighbours:
             int(link.index()): min(int(one.index()) for one in plant.GetBodiesWeldedTo(link))
             for link in all_links(plant)
         }
+        self._adjacent = self._next_to_each_other(plant)
+
+    def _next_to_each_other(self, plant: MultibodyPlant) -> set[frozenset[int]]:
+        """Pairs of numbers of groups between which there is a joint, or several at one place."""
         context = plant.CreateDefaultContext()
         tree = joint_tree(plant)
-        turns = [isinstance(joint, RevoluteJoint) for joint, *_ in tree]
-        ends = [(self.of(near.body()), self.of(far.body())) for _, near, far, _ in tree]
+        ends = [(self.of(each.near.body()), self.of(each.far.body())) for each in tree]
         # For each joint the links that it, or a joint before it at the same place, starts from.
         starts: list[set[int]] = []
-        for joint, (parent, _) in enumerate(ends):
+        for number, each in enumerate(tree):
+            parent, _ = ends[number]
             starts.append({parent})
-            carried = plant.GetBodiesWeldedTo(tree[joint][1].body())
-            massless = not sum(body.default_mass() for body in carried)
-            for before in range(joint):
-                if ends[before][1] != parent:
+            carried = plant.GetBodiesWeldedTo(each.near.body())
+            is_massless = not sum(body.default_mass() for body in carried)
+            for before in range(number):
+                _, child_before = ends[before]
+                if child_before != parent:
                     continue
-                X = tree[joint][1].CalcPose(context, tree[before][2])
-                at_one_place = np.linalg.norm(X.translation()) < _ONE_PLACE
-                if massless or (turns[before] and turns[joint] and at_one_place):
-                    starts[joint] |= starts[before]
-        self._adjacent = {
-            frozenset((parent, child))
+                if is_massless or _turn_at_one_place(tree[before], each, context):
+                    starts[number] |= starts[before]
+        return {
+            frozenset((start, child))
             for (_, child), reached in zip(ends, starts, strict=True)
-            for parent in reached
+            for start in reached
         }
 
     def of(self, link: RigidBody) -> int:
@@ -128,6 +132,14 @@ class Neighbours:
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.
         return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))
+
+
+def _turn_at_one_place(before: TreeJoint, after: TreeJoint, context: Context) -> bool:
+    """Whether two successive joints both turn, at places that coincide."""
+    X = after.near.CalcPose(context, before.far)
+    at_one_place = np.linalg.norm(X.translation()) < _ONE_PLACE
+    both_turn = isinstance(before.joint, RevoluteJoint) and isinstance(after.joint, RevoluteJoint)
+    return bool(both_turn and at_one_place)
 
 
 def touching_pairs(

@@ -226,7 +226,7 @@ def MakeRobot(
     return Robot(
         plant=plant,
         scene_graph=scene_graph,
-        joints=tuple(joint for joint, *_ in joint_tree(plant)),
+        joints=tuple(each.joint for each in joint_tree(plant)),
         skins=tuple(worn),
         touchers=tuple(touchers),
         touching_pairs=pairs,

@@ -34,9 +34,9 @@ from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
 
-# m, receptors that were moved onto a surface by less are not worth a line.
+# m; the user is not told of receptors that were moved onto a surface by less.
 _MOVED = 1e-4
-# Receptors this many times farther from a surface than it is long are in another unit.
+# Receptors are in another unit if they are so many times farther from a surface than it is long.
 _MILLIMETRES = 10
 # Depth of a pad of receptors below them, in resolutions or thicknesses.
 _PAD = 4
@@ -147,25 +147,22 @@ def make_skin(
             remedy.
     """
     link = find_link(plant, skin.link, f"skins.{name}.link")
-    own = skin.surface.shape in (*_ROLES, "receptors")
     try:
         surface = _outer_surface(name, skin, link, plant, scene_graph)
         given = None if skin.receptors is None else skin.receptors.read()
-        p_LS = (
-            place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
-            if given is None
-            else given.p_LS
-        )
+        if given is None:
+            p_LS = place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
+        else:
+            p_LS = given.p_LS
         if motion is not None:
             A, b = motion
             p_LS = p_LS @ A.T + b
             surface = trimesh.Trimesh(surface.vertices @ A.T + b, surface.faces, process=False)
         wall = hollow_skin(surface, skin.thickness)
-        fields = (
-            receptive_fields(surface, p_LS, width=skin.field_width)
-            if given is None
-            else _fields_of_file(name, skin, surface, given, p_LS)
-        )
+        if given is None:
+            fields = receptive_fields(surface, p_LS, width=skin.field_width)
+        else:
+            fields = _fields_of_file(name, skin, surface, given, p_LS)
     except ExperimentError:
         raise
     except ValueError as error:
@@ -177,7 +174,7 @@ def make_skin(
         wall=wall,
         fields=fields,
         hydroelastic_modulus=skin.hydroelastic_modulus,
-        is_own_geometry=own,
+        is_own_geometry=skin.surface.shape in (*_ROLES, "receptors"),
     )
 
 
@@ -232,7 +229,10 @@ def _fields_of_file(
 def _elsewhere(
     error: _OffSurfaceError, plant: MultibodyPlant, scene_graph: SceneGraph, skins: Mapping
 ) -> str:
-    """Which other skin is nearer to receptors that are off theirs, if any is; `plant` is final."""
+    """Says which other skin is nearer to receptors that are off theirs, if there is one.
+
+    The plant is finalized.
+    """
     context = plant.CreateDefaultContext()
     links = {name: find_link(plant, skins[name].link, f"skins.{name}.link") for name in skins}
     X_WL = links.pop(error.skin).EvalPoseInWorld(context)

@@ -38,7 +38,7 @@ _CORNERS = np.concatenate([np.eye(3), -np.eye(3)])
 _FACES = np.array(
     [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
 )
-# m, finer triangles of a touching mesh cost time, and no skin feels them.
+# m; finer triangles of a touching mesh cost time, and no skin feels the difference.
 _FINEST = 0.008
 
 
@@ -78,32 +78,52 @@ def add_toucher(
     Raises:
         ExperimentError: the plant has no such frame or link, or the link no closed surface.
     """
-    described, field, called = experiment.touching[name], f"touching.{name}", f"touching_{name}"
-    if described.link is None:
-        frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
-        frame = find_named(plant, frames, str(described.frame), f"{field}.frame", "frame")
-        frame = frame_after(plant, experiment, frame)
-        ball = Sphere(float(described.radius or 0.0))
-        # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch
-        # costs a seventh of what it does with 128, and a sensation differs by a cosine distance of
-        # 1e-5 (median) or 8e-4 (95 %), where one target sensation is 1e-2 from the next.
-        hint = 2 * ball.radius()
-        ids = [_register(plant, frame.body(), frame.GetFixedPoseInBodyFrame(), ball, called, hint)]
-        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=tuple(ids))
-    link = find_link(plant, described.link, f"{field}.link")
+    if experiment.touching[name].link is None:
+        return _add_ball(plant, name, experiment)
+    return _add_link(plant, inspector, name, experiment, worn, own)
+
+
+def _add_ball(plant: MultibodyPlant, name: str, experiment: Experiment) -> Toucher:
+    """Adds a ball at a frame."""
+    described = experiment.touching[name]
+    frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
+    field = f"touching.{name}.frame"
+    frame = find_named(plant, frames, str(described.frame), field, "frame")
+    frame = frame_after(plant, experiment, frame)
+    ball = Sphere(float(described.radius or 0.0))
+    # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch
+    # costs a seventh of what it does with 128, and a sensation differs by a cosine distance of
+    # 1e-5 (median) or 8e-4 (95 %), where one target sensation is 1e-2 from the next.
+    hint = 2 * ball.radius()
+    X_LF = frame.GetFixedPoseInBodyFrame()
+    geometry = _register(plant, frame.body(), X_LF, ball, f"touching_{name}", hint)
+    return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=(geometry,))
+
+
+def _add_link(
+    plant: MultibodyPlant,
+    inspector: SceneGraphInspector,
+    name: str,
+    experiment: Experiment,
+    worn: Sequence[WornSkin],
+    own: OwnGeometries,
+) -> Toucher:
+    """Makes a link touch, with the skins it wears or else with its own geometries."""
+    field, wanted = f"touching.{name}.link", experiment.touching[name].link
+    link = find_link(plant, str(wanted), field)
     ids = [skin.geometry_id for skin in worn if skin.link.index() == link.index()]
     if not ids and link.index() not in own:
         raise ExperimentError(
-            f"{field}.link is {described.link!r}, a link without collision geometry; add some in "
+            f"{field} is {wanted!r}, a link without collision geometry; add some in "
             "its model, or give a ball by frame and radius"
         )
     for number, geometry in enumerate(() if ids else own[link.index()]):
         try:
             mesh = _own_mesh(inspector.GetShape(geometry))
         except ValueError as error:
-            raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
+            raise ExperimentError(f"{field} is {wanted!r}: {error}") from error
         X_LG = inspector.GetPoseInFrame(geometry)
-        ids.append(_register(plant, link, X_LG, mesh, f"{called}_{number}"))
+        ids.append(_register(plant, link, X_LG, mesh, f"touching_{name}_{number}"))
     return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=tuple(ids))
 
 

@@ -1,28 +1,24 @@
 """A run: its directory, its stages and its metrics.
 
-`load_agent` and `load_body_model` load what a run learned. Their modules are imported when they are
-first asked for.
+What other programs load from a run is imported at its first use.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from selftouch_drake.lazy import names_of
 
 if TYPE_CHECKING:
+    from selftouch_drake.run.directory import RunDirectory as RunDirectory
     from selftouch_drake.run.loading import load_agent as load_agent
     from selftouch_drake.run.loading import load_body_model as load_body_model
+    from selftouch_drake.run.loading import load_motion as load_motion
 
-# The module of each function that other programs may import from here.
-_HOMES = {
+_MODULES = {
+    "RunDirectory": "selftouch_drake.run.directory",
     "load_agent": "selftouch_drake.run.loading",
     "load_body_model": "selftouch_drake.run.loading",
+    "load_motion": "selftouch_drake.run.loading",
 }
+__all__ = sorted(_MODULES)
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOMES])
+__getattr__ = names_of(_MODULES)

@@ -88,6 +88,7 @@ class RunDirectory:
     life = Inside("life.npz", "The life of the agent, as curves.")
     cache = Inside("cache", "What commands keep to start sooner; it may be removed at any time.")
     figures = Inside("figures", "Pictures.")
+    babbling = Inside("babbling.html", "The first seconds of babbling, to be watched.")
     playback = Inside("playback.html", "The recording of one plan.")
     report = Inside("report.html", "The report of the run.")
 

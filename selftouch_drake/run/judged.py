@@ -34,8 +34,10 @@ KEYS = (*PLACES, "rows", "parts", "plans")
 _TRUTH = ".truth.npz"
 # Most items with distances between them: so many are laid out in half a minute.
 _MOST_ITEMS = 2000
-# rad or m: how far from its first touch a plan may begin, and between samples of a plan.
-_AT_START, _SAMPLED = 0.01, 0.01
+# rad or m, in any joint: a plan begins within this of its first touch.
+_AT_START = 0.01
+# rad or m of path, between samples of a plan.
+_SAMPLED = 0.01
 
 #: What a file holds. Places are judged at C cells, small patches of skin, which are to any method
 #: what kernels are to ours.

@@ -4,8 +4,9 @@ from pathlib import Path
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.motions import Motion
 from selftouch_drake.run import artifacts
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.directory import MissingError, RunDirectory
 
 
 def load_agent(run: RunDirectory | Path | str, *, predicts: bool = False) -> Agent:
@@ -19,6 +20,29 @@ def load_body_model(run: RunDirectory | Path | str) -> BodyModel:
     Errors are as of `artifacts.load_body_model`.
     """
     return artifacts.load_body_model(opened(run))
+
+
+def load_motion(run: RunDirectory | Path | str, start: int, goal: int) -> Motion:
+    """The motion from one target sensation of a run to another: its stored plan, else a new one.
+
+    A new plan is made as by `selftouch plan`, and is not stored.
+
+    Args:
+        run: that has learned, or its path.
+        start: number of a target sensation.
+        goal: number of a target sensation.
+
+    Raises:
+        RunError: there is no such run or target sensation, or nothing was learned.
+        ValueError: there is no way, or a file is damaged.
+    """
+    run = opened(run)
+    try:
+        return artifacts.load_motion(run, start, goal)
+    except MissingError:
+        from selftouch_drake.run.stages import planned  # a stored plan needs no planner
+
+        return planned(run, start, goal)
 
 
 def opened(run: RunDirectory | Path | str) -> RunDirectory:

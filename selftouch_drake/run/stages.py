@@ -22,7 +22,7 @@ from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.bodies.embodiment import World, pilot_in
+from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
 from selftouch_drake.experience.store import WalkCounts
@@ -46,7 +46,7 @@ from selftouch_drake.run.touches import touch_metrics, warn_of_changes
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, run_bodies
 
-# Enough to plan a step, and learned in a second.
+# Touches and targets of a trial run of `evaluate`: enough to plan a step, and learned in a second.
 _READY_TOUCHES, _READY_TARGETS = 1000, 50
 
 # Share of the time of learning after which the body model begins, roughly.
@@ -260,10 +260,20 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
         RunError: there is no such target sensation, or nothing was learned.
         ValueError: no plan exists, or `q_start` is not a configuration within the limits.
     """
+    motion = planned(run, *targets, q_start=q_start)
+    _keep_plan(run, motion, *([] if q_start is None else [free_start(q_start)]), *targets)
+    return motion
+
+
+def planned(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) -> Motion:
+    """As `plan`, but keeps nothing; in an imported run, as `plan_imported`."""
+    if run.experiment.imported is not None and not bodies_of.knows(
+        run.experiment.after(0), run.fingerprint()
+    ):
+        return _planned_imported(run, *targets)[0]
     pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
     query = pilot.plan(*targets) if q_start is None else pilot.plan_from(q_start, *targets)
-    _keep_plan(run, query.motion, *([] if q_start is None else [free_start(q_start)]), *targets)
     return query.motion
 
 
@@ -277,6 +287,12 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     Returns:
         The motion, and how far it strays; see `Recorded.novelty`.
     """
+    motion, novelty = _planned_imported(run, *targets)
+    _keep_plan(run, motion, *targets, plan_novelty=novelty)
+    return motion, novelty
+
+
+def _planned_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     imported = run.experiment.imported
     assert imported is not None
     agent = load_agent(run, predicts=True)
@@ -284,9 +300,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     free = load_arrays(run.free)["q"] if run.free.exists() else None
     recorded = Recorded(agent.representation, free)
     plan, *_ = recorded.surest(targets, agent.tour)
-    motion, novelty = timed(agent, plan, imported), recorded.novelty(plan)
-    _keep_plan(run, motion, *targets, plan_novelty=novelty)
-    return motion, novelty
+    return timed(agent, plan, imported), recorded.novelty(plan)
 
 
 def _keep_plan(run: RunDirectory, motion: Motion, *targets: int | str, **numbers: float) -> None:

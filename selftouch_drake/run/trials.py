@@ -132,6 +132,7 @@ class FirstTries:
         blind, _ = self._pilot.execute(unpractised, practised=False)
         execution, followed = self._pilot.execute(motion)
         planned, felt = self._slowly(motion)
+        impossible = 0 if felt is None else int(np.sum(~felt.reached))
         own_path, true_path = self._over_shortest(motion, felt)
         truth = None
         if self._judge is not None and isinstance(followed, DrakeFollowed):
@@ -149,7 +150,7 @@ class FirstTries:
             true_over_shortest=true_path,
             num_slides=len(query.agent.memory.slides.ends),
             errors=_prediction_errors(execution),
-            impossible_planned=0 if felt is None else int(np.sum(~felt.reached)),
+            impossible_planned=impossible,
             truth=truth,
         )
         return first, judge(execution, representation)

@@ -4,11 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from selftouch_drake.bodies.embodiment import pilot_in
+from selftouch_drake.experience.store import StoreError
 from selftouch_drake.files import write_text_whole
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot, run_bodies
+from selftouch_drake.show.meshcat.babbling import babbling_page
 from selftouch_drake.show.meshcat.live import LiveShow
 from selftouch_drake.show.meshcat.recording import recording_page
 from selftouch_drake.show.meshcat.stage import shown_page
@@ -38,6 +40,20 @@ def write_recording(run: RunDirectory, *targets: int | str, path: Path) -> Path:
     return path
 
 
+def write_babbling(run: RunDirectory, data: RunData) -> Path | None:
+    """Shows the first seconds of babbling in the run's `babbling.html`, if that is not made yet.
+
+    Returns:
+        The page; None if nothing babbled, or a body that Drake does not simulate.
+    """
+    if not run.babbling.exists():
+        try:
+            write_text_whole(run.babbling, babbling_page(run, data.world))
+        except (MissingError, StoreError):
+            return None
+    return run.babbling
+
+
 def write_report(run: RunDirectory, progress: Progress = silent, *, vector: bool = False) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
@@ -53,8 +69,10 @@ def write_report(run: RunDirectory, progress: Progress = silent, *, vector: bool
     except MissingError as reason:
         run.playback.unlink(missing_ok=True)
         recording = str(reason)
+    progress(0.8, "babbling")
+    babbling = write_babbling(run, data)
     progress(0.9, "report")
-    write_text_whole(run.report, report_page(data, pictures, recording))
+    write_text_whole(run.report, report_page(data, pictures, recording, babbling))
     progress(1.0, "reported")
     return run.report
 

@@ -83,23 +83,35 @@ def load_sweep(source: str | Path) -> Sweep:
 
 
 def _sweep(file: _File, path: Path) -> Sweep:
-    in_grid = math.prod(map(len, file.grid.values())) if file.grid else 0
-    num_cases = in_grid + sum(map(len, file.each.values())) + len(file.cases)
-    num_runs = max(num_cases, 1) * len(file.experiments) * len(file.seeds)
+    """Resolves the experiments of a sweep file; equal ones are kept once."""
+    num_runs = _num_runs(file)
     if num_runs > MOST_RUNS:
         raise ExperimentError(f"sweep {path} has {num_runs} runs; give at most {MOST_RUNS}")
 
     cases = list(_cases(file))
     experiments: dict[str, Experiment] = {}
     for seed, case, source in itertools.product(file.seeds, cases, file.experiments):
-        beside = path.parent / source
         overrides = merged(merged(file.set, case), {"seed": seed})
-        if "\0" not in source and len(source) < 1000 and beside.is_file():
-            source = str(beside)
-        experiment = load_experiment(source, overrides)
+        experiment = load_experiment(_beside(path, source), overrides)
         experiments[dump_experiment(experiment)] = experiment
     varied = dict.fromkeys(leaf for case in cases for leaf in leaves(case))
     return Sweep(name=file.name, experiments=tuple(experiments.values()), fields=tuple(varied))
+
+
+def _num_runs(file: _File) -> int:
+    """How many runs a sweep file asks for, equal ones included; none of them is made."""
+    num_in_grid = math.prod(len(values) for values in file.grid.values()) if file.grid else 0
+    num_alone = sum(len(values) for values in file.each.values())
+    num_cases = num_in_grid + num_alone + len(file.cases)
+    return max(num_cases, 1) * len(file.experiments) * len(file.seeds)
+
+
+def _beside(path: Path, source: str) -> str:
+    """The path of an experiment's file if it stands beside the sweep's, else `source` as it is."""
+    # The system refuses to look for other texts.
+    may_be_a_path = "\0" not in source and len(source) < 1000
+    file = path.parent / source
+    return str(file) if may_be_a_path and file.is_file() else source
 
 
 def _cases(file: _File) -> Iterator[dict[str, Any]]:

@@ -1,14 +1,35 @@
 """The babbling controller: it commands the random walk of an experiment."""
 
-from functools import lru_cache
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experience.walk import StraightPieces
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.robot import BabblingJoints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Begun:
+    """A walk that was begun.
+
+    Attributes:
+        pieces: of the walk.
+        approach_s: s, in which the joints are led to its first node.
+        approach: `(2J,)` where they begin, and their rates until then.
+    """
+
+    pieces: StraightPieces
+    approach_s: float
+    approach: np.ndarray
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Begun":
+        """Itself: Drake copies the parameters of a context, and what was begun never changes."""
+        return self
 
 
 class Babbler(LeafSystem):
@@ -32,9 +53,9 @@ class Babbler(LeafSystem):
     the robot must travel (`babbling.jumps: false`), a piece lasts so many steps that no joint is
     faster than it may be.
 
-    The walk follows from the time of the context and from its parameters: the number of the walk,
-    and from where and for how long the joints approach its first node. So two contexts walk alike,
-    and a context that is set back walks the same way again.
+    The walk follows from the time of the context, and from its parameter: the walk, and from where
+    and for how long the joints approach its first node. So two contexts walk alike, and a context
+    that is set back walks the same way again.
 
     Args:
         experiment: of the walk.
@@ -49,11 +70,8 @@ class Babbler(LeafSystem):
         self._experiment = experiment
         self._joints = joints or BabblingJoints.of(experiment)
         self._num_joints = num_joints = len(self._joints.lower)
-        # What is kept follows from the number of the walk alone.
-        self._walk = lru_cache(maxsize=2)(self._make_walk)
-        # The number of the walk, s of the approach, and `(J,)` where it begins.
-        start = BasicVector(np.concatenate([[walk, 0.0], np.zeros(num_joints)]))
-        self._parameter = self.DeclareNumericParameter(start)
+        self._first = self._make_walk(walk)
+        self._start = int(self.DeclareAbstractParameter(self._begun(self._first)))
         needs = {self.time_ticket(), self.all_parameters_ticket()}
         self.DeclareVectorOutputPort(
             "desired_state", 2 * num_joints, self._calc_desired_state, prerequisites_of_calc=needs
@@ -81,13 +99,28 @@ class Babbler(LeafSystem):
 
         A robot that cannot jump is led to the first node from `q_from` `(J,)`, in `approach_s` s.
         """
-        begin = np.zeros(self._num_joints) if q_from is None else q_from
-        parameter = context.get_mutable_numeric_parameter(self._parameter)
-        parameter.SetFromVector(np.concatenate([[walk, approach_s], begin]))
+        pieces = self._make_walk(walk)
+        value = self._begun(pieces, q_from, approach_s)
+        context.get_mutable_abstract_parameter(self._start).SetFrom(value)
 
-    def nodes(self, num_nodes: int, *, walk: int = 0) -> np.ndarray:
-        """`(num_nodes, J)` rad or m, the first nodes of a walk."""
-        return self._walk(walk).nodes(num_nodes)
+    def nodes(self, num_nodes: int) -> np.ndarray:
+        """`(num_nodes, J)` rad or m, the first nodes of the walk of a default context."""
+        return self._first.nodes(num_nodes)
+
+    def first_node(self, walk: int) -> np.ndarray:
+        """`(J,)` rad or m, where a walk begins."""
+        return self._make_walk(walk).nodes(1)[0]
+
+    def _begun(
+        self, pieces: StraightPieces, q_from: np.ndarray | None = None, approach_s: float = 0.0
+    ) -> Value:
+        first = pieces.nodes(1)[0]
+        begin = first if q_from is None else q_from
+        rate = (first - begin) / approach_s if approach_s else np.zeros_like(first)
+        value = Value[object]()
+        approach = np.concatenate([begin, rate])
+        value.set_value(Begun(pieces=pieces, approach_s=approach_s, approach=approach))
+        return value
 
     def _make_walk(self, walk: int) -> StraightPieces:
         babbling = self._experiment.babbling
@@ -97,18 +130,16 @@ class Babbler(LeafSystem):
             velocity=None if babbling.jumps else self._joints.velocity,
         )
 
-    def _now(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
-        """`(J,)` where joints are commanded to be, and `(J,)` how fast."""
-        given = context.get_numeric_parameter(self._parameter).value()
-        walk, approach_s, time_s = self._walk(int(given[0])), given[1], context.get_time()
-        if time_s >= approach_s:
-            return walk.at(time_s - approach_s)
-        begin = given[2:]
-        rate = (walk.nodes(1)[0] - begin) / approach_s
-        return begin + time_s * rate, rate
+    def _now(self, context: Context) -> np.ndarray:
+        """`(2J,)` where joints are commanded to be, and how fast."""
+        begun, time_s = context.get_abstract_parameter(self._start).get_value(), context.get_time()
+        if time_s >= begun.approach_s:
+            return begun.pieces.at(time_s - begun.approach_s)
+        q, rate = np.split(begun.approach, 2)
+        return np.concatenate([q + time_s * rate, rate])
 
     def _calc_desired_state(self, context, output):
-        output.SetFromVector(np.concatenate(self._now(context)))
+        output.SetFromVector(self._now(context))
 
     def _calc_q(self, context, output):
-        output.SetFromVector(self._now(context)[0])
+        output.SetFromVector(self._now(context)[: self._num_joints])

@@ -79,10 +79,8 @@ class NaiveAgent(LeafSystem):
         self._agent = agent
         num_receptors = agent.representation.target_sensations.shape[1]
         self._num_joints = num_joints = agent.representation.kernel_q.shape[1]
-        self._limits = {
-            "velocity_limit": np.broadcast_to(velocity, num_joints).astype(float),
-            "acceleration_limit": np.broadcast_to(acceleration, num_joints).astype(float),
-        }
+        self._velocity = np.broadcast_to(velocity, num_joints).astype(float)
+        self._acceleration = np.broadcast_to(acceleration, num_joints).astype(float)
         self._q = self.DeclareVectorInputPort("q", num_joints)
         self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
         self._goal = self.DeclareVectorInputPort("goal", num_receptors)
@@ -139,7 +137,9 @@ class NaiveAgent(LeafSystem):
             plan = self._agent.tour([here, wanted], q_start=q)
         except ValueError:  # there is no way
             return still
-        timed = time_path(plan.path, **self._limits)
+        timed = time_path(
+            plan.path, velocity_limit=self._velocity, acceleration_limit=self._acceleration
+        )
         course = PiecewisePolynomial.CubicHermite(now + timed.time_s, timed.q.T, timed.v.T)
         return Intention(goal=goal, path=course)
 

@@ -20,18 +20,26 @@ class Course:
         rate: its derivative.
         time_s: `(T,)` s, of the predictions.
         predicted: `(T, S)` predicted sensations of unit L2 norm.
+        ends_s: s, first and last time of the path.
     """
 
     path: Trajectory
     rate: Trajectory
     time_s: np.ndarray
     predicted: np.ndarray
+    ends_s: tuple[float, float]
 
     @staticmethod
     def along(path: Trajectory, num_receptors: int) -> "Course":
         """A path without predictions."""
         nothing = np.zeros((1, num_receptors))
-        return Course(path=path, rate=path.MakeDerivative(), time_s=np.zeros(1), predicted=nothing)
+        return Course(
+            path=path,
+            rate=path.MakeDerivative(),
+            time_s=np.zeros(1),
+            predicted=nothing,
+            ends_s=(path.start_time(), path.end_time()),
+        )
 
     @staticmethod
     def of_motion(motion: Motion) -> "Course":
@@ -42,6 +50,7 @@ class Course:
             rate=path.MakeDerivative(),
             time_s=motion.time_s,
             predicted=motion.predicted,
+            ends_s=(path.start_time(), path.end_time()),
         )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Course":
@@ -140,10 +149,8 @@ class PlanSource(LeafSystem):
 
     def _calc_desired_state(self, context, output):
         course, time = self._course(context), context.get_time()
-        path = course.path
-        q = path.value(time).ravel()
-        resting = not path.start_time() <= time <= path.end_time()
-        v = np.zeros_like(q) if resting else course.rate.value(time).ravel()
+        q, (start, end) = course.path.value(time), course.ends_s
+        v = course.rate.value(time) if start <= time <= end else np.zeros_like(q)
         output.SetFromVector(np.concatenate([q, v]))
 
     def _calc_predicted(self, context, output):

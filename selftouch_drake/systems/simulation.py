@@ -316,7 +316,7 @@ class Babbling(RunningDiagram):
         """Puts the robot at rest where a walk begins, and starts its time there."""
         self._context.SetTime(0.0)
         self.babbler.SetWalk(self._commander_context, walk)
-        self._put(self.babbler.nodes(1, walk=walk)[0])
+        self._put(self.babbler.first_node(walk))
         self._restart()
 
     def go_on_to(

@@ -110,6 +110,11 @@ class SkinVisualizer(LeafSystem):
         builder.Connect(plant.get_body_poses_output_port(), show.GetInputPort("body_poses"))
         return show
 
+    @property
+    def last_sensation(self) -> np.ndarray:
+        """`(S,)` N, as it was last shown; an IndexError if nothing was."""
+        return self._frames[-1][2]
+
     def AddToRecording(self) -> None:
         """Adds all frames to Meshcat's recording: call it before `PublishRecording`.
 

@@ -114,9 +114,11 @@ class TactileSkin(LeafSystem):
 
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)
-        self._warn_of_points(contact)
+        if contact.num_point_pair_contacts():
+            self._warn_of_points(contact)
         force = np.zeros(self._sensor.num_receptors)
-        if surfaces := list(self._faces.read(contact, self._skin_ids)):
+        touched = contact.num_hydroelastic_contacts() > 0
+        if touched and (surfaces := list(self._faces.read(contact, self._skin_ids))):
             poses = self._poses.Eval(context)
             X_WL = np.array([poses[link].GetAsMatrix34() for link in self._links])
             for faces in surfaces:

@@ -163,7 +163,7 @@ class TouchServo(LeafSystem):
         return offset + (context.get_time() - state[-1]) * rate, rate
 
     def _update(self, context, discrete_state):
-        beside = self._beside.Eval(context) if self._beside.HasValue(context) else ()
+        beside: Any = self._beside.Eval(context) if self._beside.HasValue(context) else ()
         time_s = context.get_time()
         offset, _ = self._moved(context)
         rate, belief = np.zeros(self._num_joints), context.get_discrete_state(self._belief).value()

@@ -80,6 +80,7 @@ def assert_is_complete(run, *, metrics_compared):
         "skin.npz",
         "representation.npz",
         "report.html",
+        "babbling.html",
         "playback.html",
     ):
         assert (run / name).stat().st_size > 0, name

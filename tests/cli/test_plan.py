@@ -51,7 +51,7 @@ def test_tracking_is_given_in_the_unit_of_each_joint():
     def world(turns, slip):
         return SimpleNamespace(
             robot=SimpleNamespace(turns=np.array(turns)),
-            simulation=SimpleNamespace(slip=np.array(slip)),
+            slip=np.array(slip),
         )
 
     turning, sliding, mixed = [True] * 3, [False] * 3, [True, False, True]

@@ -1,69 +1,33 @@
 import numpy as np
-import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from selftouch_drake.quotient import reservoir as reservoir_module
-from selftouch_drake.quotient.kernels import KernelSets
-from selftouch_drake.quotient.reservoir import KernelReservoir, KernelSample
+from selftouch_drake.quotient.kernels import KernelSets, sample_rows
 
 labels = st.lists(st.integers(0, 5), min_size=1, max_size=80).map(np.array)
 
 
-def sample_kernels(label, max_size, *, seed, cuts=()) -> KernelSample:
-    reservoir = KernelReservoir(6, max_size, seed=seed)
-    for rows in np.split(np.arange(len(label)), cuts):
-        reservoir.add(label[rows], doubled=2 * rows)
-    assert reservoir.num_rows == len(label)
-    return reservoir.sample()
-
-
-@given(labels)
-def test_large_enough_kernels_partition_the_rows(label):
-    sample = sample_kernels(label, len(label), seed=1)
-    offsets = sample.offsets(6)
-    assert sorted(sample.row.tolist()) == list(range(len(label)))
-    for kernel in range(6):
-        rows = sample.row[offsets[kernel] : offsets[kernel + 1]]
-        assert rows.tolist() == np.flatnonzero(label == kernel).tolist()
-
-
 @given(labels, st.integers(1, 10))
-def test_no_kernel_keeps_more_than_it_may(label, max_size):
-    sample = sample_kernels(label, max_size, seed=1)
-    kept = np.diff(sample.offsets(6))
+def test_a_kernel_keeps_as_many_rows_as_it_may(label, max_size):
+    rows = sample_rows(label, max_size, seed=1)
+    kept = np.bincount(label[rows], minlength=6)
     assert kept.tolist() == np.minimum(np.bincount(label, minlength=6), max_size).tolist()
-    assert (label[sample.row] == sample.kernel).all()
-
-
-@settings(deadline=None)
-@given(labels, st.integers(1, 10), st.data())
-def test_batches_of_any_size_give_the_same_kernels(label, max_size, data):
-    cuts = sorted(data.draw(st.lists(st.integers(0, len(label)), max_size=4)))
-    whole = sample_kernels(label, max_size, seed=7)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reservoir_module, "_LEAST_WAITING", 3)
-        batched = sample_kernels(label, max_size, seed=7, cuts=cuts)
-    assert batched.row.tolist() == whole.row.tolist()
-    assert batched.kernel.tolist() == whole.kernel.tolist()
-    assert batched.columns["doubled"].tolist() == (2 * whole.row).tolist()
-
-
-def test_memory_does_not_grow_with_the_experience():
-    reservoir = KernelReservoir(6, 500, seed=0)
-    for _ in range(100):
-        reservoir.add(np.arange(10_000) % 6)
-        held = sum(len(part["row"]) for part in (reservoir._settled, *reservoir._waiting) if part)
-        assert held < 60_000
-    assert np.diff(reservoir.sample().offsets(6)).tolist() == [500] * 6
+    assert rows.tolist() == sorted(rows.tolist(), key=lambda row: (label[row], row))
 
 
 def test_every_row_has_an_equal_chance():
     kept = np.zeros(40)
     for seed in range(2000):
-        kept[sample_kernels(np.zeros(40, dtype=int), 10, seed=seed).row] += 1
+        kept[sample_rows(np.zeros(40, dtype=int), 10, seed=seed)] += 1
     # 2000 draws with probability 1/4: mean 500, standard deviation 19.
     assert np.abs(kept - 500).max() < 5 * 19
+
+
+def test_firm_sets_keep_the_stronger_half():
+    sets = KernelSets(np.arange(7.0)[:, None], np.array([0, 3, 7]))
+    firm = sets.firm(np.array([1.0, 3.0, 2.0, 9.0, 8.0, 7.0, 8.5]))
+    assert firm.offsets.tolist() == [0, 2, 4]
+    assert firm.x.ravel().tolist() == [1, 2, 3, 6]
 
 
 def test_thinned_sets_keep_evenly_strided_configurations():

@@ -364,7 +364,7 @@ def test_damaged_digests_are_named(run, content):
 
 def test_paths_are_those_of_the_contract(run):
     names = [run.experience, run.truth, run.skin, run.representation, run.plan(3, 12)]
-    names += [run.figures, run.playback, run.report]
+    names += [run.figures, run.babbling, run.playback, run.report]
     assert [str(p.relative_to(run.path)).replace(os.sep, "/") for p in names] == [
         "experience",
         "truth",
@@ -372,6 +372,7 @@ def test_paths_are_those_of_the_contract(run):
         "representation.npz",
         "plans/3-12.npz",
         "figures",
+        "babbling.html",
         "playback.html",
         "report.html",
     ]

@@ -1,50 +1,19 @@
 import json
 import shutil
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-import pyarrow as pa
 import pytest
-from matplotlib.figure import Figure
 from modelled import found_by
 
 from selftouch_drake.agent.body_model.model import rejected
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_body_model, load_representation
-from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.sweep.design import load_sweep
-from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep
-from selftouch_drake.sweep.table import (
-    draw_figures,
-    figure_names,
-    gather,
-    label,
-    read_table,
-    varied_fields,
-)
-
-SWEEP = """
-experiments: [sphere]
-set:
-  skins: {body: {surface: {shape: sphere, radius: 0.25, resolution: 0.04}}}
-  babbling: {num_samples: 600, walk_size: 300}
-  evaluation: {num_pairs: 0, shape_metrics: []}
-  representation: {body_model: off}
-cases:
-  - representation: {num_targets: 50, metric: motor}
-  - representation: {num_targets: 60, metric: motor}
-  - {representation: {num_targets: 60, metric: motor}, planning: {knot_spacing: 0.2}}
-  - skins: {body: {thickness: 0.4}}
-"""
-
-
-@pytest.fixture(scope="module")
-def sweep(tmp_path_factory):
-    path = tmp_path_factory.mktemp("sweep") / "small.yaml"
-    path.write_text(SWEEP)
-    return load_sweep(path)
+from selftouch_drake.sweep.directory import SweepDirectory, run_name
+from selftouch_drake.sweep.runs import RunWarning, run_sweep
+from selftouch_drake.sweep.table import gather, metric_columns, read_table, varied_fields
 
 
 @pytest.fixture(scope="module")
@@ -93,8 +62,10 @@ def test_every_run_is_a_run_like_any_other(finished, sweep):
         assert load_representation(run).num_targets == experiment.representation.num_targets
 
 
-def test_runs_with_and_without_a_body_model_share_what_they_learn(tmp_path, monkeypatch):
-    text = SWEEP.partition("cases:")[0] + "cases:\n"
+def test_runs_with_and_without_a_body_model_share_what_they_learn(
+    common_text, tmp_path, monkeypatch
+):
+    text = common_text + "cases:\n"
     for setting in ("auto", "off", "auto"):
         gap = 0.2 if text.count("auto") else 0.1
         text += (
@@ -164,7 +135,7 @@ def test_the_table_holds_what_varied_and_every_figure(finished, sweep):
         assert row["babbling_num_steps"] == metrics["babbling_num_steps"]
         assert row["shape_rms_fraction"] == metrics["shape_rms_fraction"]
         assert row["topology_betti"] == metrics["topology_betti"]
-    assert "shape_rms_fraction_by_metric.motor" in figure_names(table)
+    assert "shape_rms_fraction_by_metric.motor" in metric_columns(table)
 
 
 def test_a_run_with_damaged_figures_is_reported_in_the_table(finished, sweep, tmp_path):
@@ -178,52 +149,6 @@ def test_a_run_with_damaged_figures_is_reported_in_the_table(finished, sweep, tm
     assert second["shape_rms_fraction"] > 0
 
 
-def test_pictures_are_drawn_of_what_varied(tmp_path):
-    table = pa.table(
-        {
-            "run": list("abcdef"),
-            "experiment": ["cube"] * 6,
-            "seed": [0, 1] * 3,
-            "skins.body.num_receptors": [50, 50, 100, 100, 50, 50],
-            "skins.body.imperfections.saturation": [None, None, None, None, 1.0, 1.0],
-            "shape_rms_fraction": [0.1, 0.2, 0.1, None, 0.3, 0.3],
-            "shape_trusted": [True, False, True, None, False, False],
-            "topology_betti": [[1, 0, 1]] * 5 + [None],
-        }
-    ).replace_schema_metadata(
-        {"selftouch.fields": "skins.body.num_receptors\nskins.body.imperfections.saturation"}
-    )
-    paths = draw_figures(table, tmp_path / "figures")
-    assert [path.name for path in paths] == [
-        "skins.body.num_receptors.png",
-        "skins.body.imperfections.saturation.png",
-    ]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
-
-
-def test_panels_have_units_and_only_what_changes_has_one(tmp_path, monkeypatch):
-    assert label("skins.body.num_receptors") == "skins.body.num_receptors"
-    assert label("execution_contact_worst") == "execution_contact_worst (%)"
-    assert label("shape_rms_fraction_by_metric.motor") == "shape_rms_fraction_by_metric.motor (%)"
-    drawn = []
-    monkeypatch.setattr(
-        "selftouch_drake.sweep.table._draw",
-        lambda field, rows, names: drawn.append((field, names)) or Figure(),
-    )
-    table = pa.table(
-        {
-            "run": ["a", "b"],
-            "experiment": ["cube", "cube"],
-            "seed": [0, 0],
-            "skins.body.num_receptors": [50, 100],
-            "topology_betti": [[1, 0, 1], [1, 0, 1]],
-            "parts_found": [1, 2],
-        }
-    ).replace_schema_metadata({"selftouch.fields": "skins.body.num_receptors"})
-    draw_figures(table, tmp_path)
-    assert drawn == [("skins.body.num_receptors", ["parts_found"])]
-
-
 def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
     def doubt(stage, runs):
         if stage != "babble":
@@ -231,7 +156,7 @@ def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
         warnings.warn("never touched", RunWarning, stacklevel=1)
         warnings.warn("of another package", DeprecationWarning, stacklevel=1)
 
-    monkeypatch.setattr("selftouch_drake.sweep.runs._once", doubt)
+    monkeypatch.setattr("selftouch_drake.sweep.sharing._do_once", doubt)
     directory = SweepDirectory.create(tmp_path / "sweep", sweep)
     with pytest.warns(RunWarning) as caught:
         run_sweep(sweep, directory, InTurn())
@@ -239,38 +164,3 @@ def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
     texts = [str(one.message) for one in caught]
     assert texts
     assert all(text.removesuffix(": never touched") in names for text in texts)
-
-
-def test_another_folder_is_refused_and_kept(sweep, tmp_path):
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(RunError, match="is neither a sweep nor empty; choose another --out"):
-        SweepDirectory.create(tmp_path, sweep)
-    (tmp_path / "sweep.yaml").write_text("name: another\n")
-    with pytest.raises(RunError, match="belongs to another sweep; choose another --out"):
-        SweepDirectory.create(tmp_path, sweep)
-    assert (tmp_path / "thesis.tex").read_text() == "years of work"
-
-
-def test_one_writer_at_a_time(sweep, tmp_path):
-    directory = SweepDirectory.create(tmp_path / "sweep", sweep)
-    with (
-        directory.writing(),
-        ThreadPoolExecutor(1) as other,
-        pytest.raises(RunError, match="is being run by another process"),
-    ):
-        other.submit(directory.writing().__enter__).result()
-
-
-@pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 9, b"{}"])
-def test_a_damaged_table_is_reported(content, tmp_path):
-    path = tmp_path / "table.parquet"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=r"is damaged .*; run the sweep again"):
-        read_table(path)
-
-
-def test_a_foreign_table_is_reported(tmp_path):
-    path = tmp_path / "table.parquet"
-    pa.parquet.write_table(pa.table({"q": np.arange(3)}), path)
-    with pytest.raises(ValueError, match="is not the table of a sweep"):
-        read_table(path)

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.body_model import structure
+from selftouch_drake.agent.body_model import grow, structure
 from selftouch_drake.agent.body_model.assemble import Found, assembled
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
+from selftouch_drake.agent.body_model.forest import Body
 from selftouch_drake.agent.body_model.judge import Judgement, held_out, judged
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejected
 from selftouch_drake.agent.body_model.refine import (
@@ -38,6 +39,8 @@ _SWAPS = 0.02
 _HOPE = 0.2
 # Above this share of inliers there is no other toucher to look for.
 _ALL = 0.97
+# Neighbours commute if the bracket of their twists is so small, relative to their sizes.
+_COMMUTE = 0.05
 
 
 def find_body_model(
@@ -163,16 +166,26 @@ class Touches:
 
 
 def _find(search: Search, touches: Touches, seed: int) -> Found | None:
-    """One part, whose touchers are all on one link."""
+    """The body of one part by one hand, or else of any tree."""
     tested = held_out(touches.q, search.random)
-    best = None
-    for part in sorted(set(touches.part.tolist())):
-        mine = touches.part[touches.target] == part
-        train, test = np.flatnonzero(mine & ~tested), np.flatnonzero(mine & tested)
-        chain = _chain_of_part(search, touches, train, test, part)
-        if chain is not None and (best is None or _better(chain, best)):
-            best = chain
-    return None if best is None else _finished(search, touches, best, tested, seed)
+    parts = sorted(set(touches.part[touches.target].tolist()))
+    chain = None
+    if len(parts) == 1:
+        chain = _chain_of_part(search, touches, *_split(touches, tested, parts[0]), parts[0])
+        if chain is not None and chain.judgement.accepted:
+            return _finished(search, touches, chain, tested, seed)
+    body = grow.grown(search, touches.scene({}), tested, touches.moving)
+    if body is not None:
+        found = _finished_tree(search, touches, body, tested, seed)
+        if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
+            return found
+    return None if chain is None else _finished(search, touches, chain, tested, seed)
+
+
+def _split(touches: Touches, tested: np.ndarray, part: int) -> tuple[np.ndarray, np.ndarray]:
+    """Training touches and held-out touches of a part."""
+    mine = touches.part[touches.target] == part
+    return np.flatnonzero(mine & ~tested), np.flatnonzero(mine & tested)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -271,7 +284,7 @@ def _finished(
     search: Search, touches: Touches, chain: _Chain, tested: np.ndarray, seed: int
 ) -> Found:
     """Kinds of joints, which of them may change places, and who made each touch of all."""
-    solution, kind = _kinds(search, touches, chain)
+    solution, kind = _kinds(search, touches, chain.scene, chain.solution)
     number = len(touches.center)
     tree = Tree.chain(chain.order, chain.part, len(solution.points))
     whole = touches.scene(chain.scene.ways)
@@ -298,15 +311,17 @@ def order_groups(order: list[int], swaps: np.ndarray, number: int) -> np.ndarray
     return groups
 
 
-def _kinds(search: Search, touches: Touches, chain: _Chain) -> tuple[Solution, np.ndarray]:
+def _kinds(
+    search: Search, touches: Touches, scene: Scene, solution: Solution
+) -> tuple[Solution, np.ndarray]:
     """Which joints slide; they then do not turn at all."""
+    used = sorted({joint for way in scene.ways.values() for joint, _ in way})
     kind = np.full(len(touches.center), int(JointKind.UNUSED))
-    kind[chain.order] = JointKind.TURNS
-    solution = chain.solution
+    kind[used] = JointKind.TURNS
     low, high = np.quantile(touches.q, [0.005, 0.995], axis=0)
     turn = np.linalg.norm(solution.twists[:, :3], axis=1) * (high - low)
     fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
-    for joint in sorted(chain.order, key=lambda joint: turn[joint]):
+    for joint in sorted(used, key=lambda joint: turn[joint]):
         if turn[joint] >= _OPEN:
             continue
         kind[joint] = JointKind.OPEN
@@ -315,8 +330,49 @@ def _kinds(search: Search, touches: Touches, chain: _Chain) -> tuple[Solution, n
             trial_fixed[6 * joint : 6 * joint + 3] = True
             straight = solution.twists.copy()
             straight[joint, :3] = 0
-            trial = started(chain.scene, straight, solution.points)
-            trial = refined(chain.scene, trial, fixed=trial_fixed, tick=search.tick)
-            if trial.criterion[chain.part] - solution.criterion[chain.part] < _SLIDE_COST:
+            trial = started(scene, straight, solution.points)
+            trial = refined(scene, trial, fixed=trial_fixed, tick=search.tick)
+            cost = np.nanmean(trial.criterion) - np.nanmean(solution.criterion)
+            if cost < _SLIDE_COST:
                 kind[joint], solution, fixed = JointKind.SLIDES, trial, trial_fixed
     return solution, kind
+
+
+def _finished_tree(
+    search: Search, touches: Touches, body: Body, tested: np.ndarray, seed: int
+) -> Found:
+    """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch."""
+    counts = np.bincount(touches.part[touches.target], minlength=len(touches.part))
+    root = body.links.part[max(body.links.part, key=lambda part: counts[part])]
+    tree = body.links.rooted(root)
+    twists = body.twists.copy()
+    twists[body.links.backwards(root)] *= -1
+    whole = touches.scene(tree.ways(list(body.pairs)))
+    train = search.random.permutation(np.flatnonzero(~tested))[:_REFINED]
+    scene, tests = whole.some(np.sort(train)), whole.some(np.flatnonzero(tested))
+    solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
+    solution, kind = _kinds(search, touches, scene, solution)
+    verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
+    final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    return Found(
+        tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
+        scale=touches.scale, kind=kind, order_group=_commuting(tree, solution.twists),
+        judgements=verdicts, seed=seed,
+    )  # fmt: skip
+
+
+def _commuting(tree: Tree, twists: np.ndarray) -> np.ndarray:
+    """`(J,)` the same number for neighbours in a row whose order makes no difference."""
+    groups = np.full(len(twists), -1)
+    carriers = [*tree.parent.values(), *tree.part.values(), *tree.toucher.values()]
+    for joint, above in tree.parent.items():
+        # Where something else sits between the two, their order does matter.
+        if above < 0 or carriers.count(above) > 1:
+            continue
+        (w, v), (x, y) = np.split(twists[joint], 2), np.split(twists[above], 2)
+        bracket = np.r_[np.cross(w, x), np.cross(w, y) - np.cross(x, v)]
+        size = np.linalg.norm(twists[joint]) * np.linalg.norm(twists[above])
+        if np.linalg.norm(bracket) < _COMMUTE * size:
+            group = max(groups[joint], groups[above])
+            groups[[joint, above]] = group if group >= 0 else groups.max() + 1
+    return groups

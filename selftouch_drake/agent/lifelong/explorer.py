@@ -2,8 +2,8 @@
 
 The agent goes to what it knows least: a sensation that it seldom felt, or a link for which it has
 no good step. A move is a few configurations. An explorer yields it, and is sent what was felt on
-the way. It does not know what makes the move. Where time counts, a `Walker` stays in contact; where
-only touches count, a `PostureSampler` tries postures anywhere.
+the way. It does not know what makes the move. Where time counts, a `ContactExplorer` stays in
+contact; where only touches count, a `PostureSampler` tries postures anywhere.
 """
 
 from abc import ABC, abstractmethod
@@ -22,45 +22,66 @@ from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepre
 #: and what was felt there, `(n, S)` N.
 Moves = Generator[np.ndarray, tuple[np.ndarray, np.ndarray], None]
 
-#: Share of its velocity that a random walk keeps while it goes one stride, and number of strides
-#: after which it is far from where it was.
-_PERSISTENCE, _AWAY = 0.9, 20
+#: Share of its velocity that a random walk keeps while it goes one stride.
+_PERSISTENCE = 0.9
 
-#: Number of steps for which a walker slides about at each place, and a restless one: from 15,000
-#: samples of a torus at 50 Hz with 50 steps, the next surprise by 0.39; from 20,000 with 750, 0.62.
-#: Chance that it walks to its next place at random through the air.
-_DWELL, _RESTLESS, _AIR = 750, 50, 0.1
+#: Strides after which a random walk is far from where it was.
+_AWAY = 20
+
+#: Steps for which an explorer slides about at each place.
+_DWELL = 750
+
+#: Likewise, of a restless one. It learns better what to expect: on a torus, the mean surprise at
+#: the next samples is 0.39 after 15,000 samples at 50 Hz, but 0.62 after 20,000 with 750 steps.
+_RESTLESS = 50
+
+#: Probability that an explorer walks to its next place at random through the air.
+_AIR = 0.1
 
 #: Most paces by which the agent presses harder or eases off in one step.
 _PRESSED = 3.0
 
-#: Steps without contact after which the agent goes back to the last touch, and returns in a row
-#: that found no contact after which it gives up.
-_MOST_LOST, _MOST_RETURNS = 2, 4
+#: Steps without contact after which the agent goes back to the last touch.
+_MOST_LOST = 2
 
-#: Share of the goals that are ends of poor links; the others are sensations seldom felt.
+#: The agent gives up after so many returns in a row that found no contact.
+_MOST_RETURNS = 4
+
+#: Share of the goals that are ends of poor links; the others are sensations felt seldom.
 _LINKS = 0.3
 
-#: Touches about each place that is met at random, and length of a small move there, strides in each
-#: joint. 8 to 40 touches at 0.2 rad make good shapes of torus and cube, from 5000 touches and from
-#: 20,000; 4 touches make worse shapes, and so do moves of 0.3 and 0.4 rad.
-_TOUCHES, _ABOUT = 20, 1.33
+#: Touches about each place that is met at random. 8 to 40 make good shapes of torus and cube, from
+#: 5000 touches and from 20,000; 4 make worse ones.
+_TOUCHES = 20
 
-#: Touches in each gap, strides of a small move there, and gaps for each place; so half of all
-#: touches lie in gaps. On two tori with 20,000 touches, planned paths are in contact for 98.7 and
-#: 98.6 % of the time without gaps, for 99.3 and 99.0 % with them. With one touch in each gap the
-#: shape is worse, as the nearest postures are then nearer by design.
-_IN_GAP, _BETWEEN, _GAPS = 4, 0.67, 5
+#: Length of a small move about a place, in strides of each joint: 0.2 rad. Moves of 0.3 and 0.4 rad
+#: make worse shapes.
+_ABOUT = 1.33
 
-#: Small moves per wanted touch after which the agent gives up.
+#: Touches in each gap between the touches of two linked kernels. With one, the shape is worse, as
+#: the nearest postures are then nearer by design.
+_IN_GAP = 4
+
+#: Length of a small move in a gap, in strides of each joint.
+_BETWEEN = 0.67
+
+#: Gaps for each place that is met at random, so that half of all touches lie in gaps. On two tori
+#: with 20,000 touches, planned paths are in contact for 98.7 and 98.6 % of the time without gaps,
+#: for 99.3 and 99.0 % with them.
+_GAPS = 5
+
+#: The agent gives up after so many small moves per wanted touch.
 _TRIES = 12
 
 #: Random postures that are tried in one move.
 _AT_ONCE = 5
 
-#: Share of a joint's range by which a posture may be drawn beyond each limit, to rest at the limit,
-#: and looks while it is held.
-_BEYOND, _HELD = 2.0, 8
+#: Share of a joint's range by which a posture may be drawn beyond each limit. It then rests at the
+#: limit.
+_BEYOND = 2.0
+
+#: Samples while a posture is held.
+_HELD = 8
 
 
 @dataclass(eq=False)
@@ -106,7 +127,7 @@ class Explorer(ABC):
                 self.touch = q[touching[-1]].astype(float)
 
 
-class Walker(Explorer):
+class ContactExplorer(Explorer):
     """Stays in contact as much as it can.
 
     It goes to what it knows least through the air. There it slides about: it walks at random, bent
@@ -238,8 +259,8 @@ class Walker(Explorer):
             self._wanted = max(self._wanted, 0.5 * float(strength.max()))
 
 
-class RestlessWalker(Walker):
-    """Soon leaves each place, and so often comes to what it knows: there it notices changes."""
+class RestlessExplorer(ContactExplorer):
+    """Leaves each place soon and often returns to what it knows, where it notices changes."""
 
     dwell = _RESTLESS
 

@@ -20,6 +20,7 @@ from selftouch_drake.agent.representation.quotient import (
     mattering,
 )
 from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.reservoir import KernelReservoir, KernelSample
 from selftouch_drake.agent.representation.several_places import common_targets
 from selftouch_drake.agent.representation.touches import (
     kernel_parts,
@@ -28,16 +29,20 @@ from selftouch_drake.agent.representation.touches import (
 from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.learn import MAX_ROWS
-from selftouch_drake.quotient.reservoir import KernelReservoir, KernelSample
 from selftouch_drake.quotient.scale import joint_scale
 from selftouch_drake.quotient.sensations import assign, strength, unit
 
-#: Touches before the first targets are chosen, and touches per target until all K are chosen.
+#: Touches before the first targets are chosen.
 _FIRST = 200
-_TOUCHES_A_TARGET = 8
 
-#: Targets are chosen again when this share of the memory is new, and modes when this share is.
-_NEW, _NEW_FOR_MODES = 0.2, 0.5
+#: Touches per target until all K targets are chosen.
+_TOUCHES_PER_TARGET = 8
+
+#: Targets are chosen again when this share of the memory is new.
+_NEW = 0.2
+
+#: Modes are found again when the memory has grown by this share.
+_NEW_FOR_MODES = 0.5
 
 #: Targets are also chosen again when the share of new touches that are unlike every target exceeds
 #: the former share by this: touches of a skin never felt before may look like touches of several
@@ -127,13 +132,17 @@ class OnlineLearner:
         self._size = np.minimum(self._size + added, self._max_kernel_size)
         self._changed += added
         self._num_new += len(taken)
-        due = self.num_touches >= _FIRST
-        if self.knows:
-            new = max(self.num_touches - self._laid_out_at, _FIRST)
-            due = self._num_new >= _NEW * self._size.sum()
-            due |= self._num_unlike >= (self._unlike + _UNLIKE) * new
-        if due:
+        if self._targets_are_due():
             self._lay_out()
+
+    def _targets_are_due(self) -> bool:
+        """Whether it is time to choose targets, for the first time or again."""
+        if not self.knows:
+            return self.num_touches >= _FIRST
+        if self._num_new >= _NEW * self._size.sum():
+            return True
+        touches_since = max(self.num_touches - self._laid_out_at, _FIRST)
+        return self._num_unlike >= (self._unlike + _UNLIKE) * touches_since
 
     def remembered(self) -> KernelSample:
         """All remembered touches, by kernel: columns q, sensation, strength, error, mode.
@@ -161,24 +170,18 @@ class OnlineLearner:
         held = self.remembered()
         first = held.distinct
         q, sensation = held.columns["q"][first], held.columns["sensation"][first]
-        some = np.arange(len(q))
-        if len(some) > MAX_ROWS:
-            rng = np.random.default_rng([self._seed, self.num_touches])
-            some = np.sort(rng.choice(some, MAX_ROWS, replace=False))
+        some = self._some_of(len(q))
         together = receptors_together(sensation[some])
         touch, of_pools, aside = together.places(sensation)
         felt = together.receptors(sensation, touch, of_pools)
         known = ~aside & np.isin(touch, some)
-        num_targets = min(int(known.sum()) // _TOUCHES_A_TARGET, self.num_targets)
+        num_targets = min(int(known.sum()) // _TOUCHES_PER_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
         overlap = together.overlap
         targets = common_targets(felt[known], num_targets, overlap, together.chance, or_fewer=True)
         if self.knows:
-            # Each takes the number of the most similar old one; further ones come last.
-            before, now = linear_sum_assignment(-(self._targets @ targets.T))
-            now = now[np.argsort(before)]
-            targets = targets[np.concatenate([now, np.setdiff1d(np.arange(len(targets)), now)])]
+            targets = targets[_numbered_alike(self._targets, targets)]
         else:
             self._mode_joints = np.ones((1, q.shape[1]), dtype=bool)
         label, error = assign(felt, targets)
@@ -204,6 +207,13 @@ class OnlineLearner:
         self._distance = np.zeros((len(targets),) * 2, dtype=np.float32)
         self._changed = self._size.copy()
         self._num_new = self._num_unlike = 0
+
+    def _some_of(self, num_touches: int) -> np.ndarray:
+        """The numbers of some of the remembered touches, ascending: all if they are few."""
+        if num_touches <= MAX_ROWS:
+            return np.arange(num_touches)
+        rng = np.random.default_rng([self._seed, self.num_touches])
+        return np.sort(rng.choice(np.arange(num_touches), MAX_ROWS, replace=False))
 
     def _find_modes(self, held: KernelSample) -> None:
         """Finds the joints that matter to each remembered touch."""
@@ -250,3 +260,13 @@ class OnlineLearner:
         learned = represented(sets, sample, self._distance, graph, found)
         self._known = learned.representation, csr_array(unit(sample.columns["sensation"]))
         return self._known
+
+
+def _numbered_alike(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """`(K,)` the order in which new targets take the numbers of the most similar old ones.
+
+    Further ones come last.
+    """
+    before, now = linear_sum_assignment(-(old @ new.T))
+    now = now[np.argsort(before)]
+    return np.concatenate([now, np.setdiff1d(np.arange(len(new)), now)])

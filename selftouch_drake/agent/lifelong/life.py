@@ -6,27 +6,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
+from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
     Expectation,
     TouchSet,
     with_unit_norm,
 )
-from selftouch_drake.agent.lifelong.explanation import BodyChange, explain_change, refined
+from selftouch_drake.agent.lifelong.explanation import explain_change, refined
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
-#: Touches of a body after which the agent learns what to expect, and the factor by which they have
-#: grown when it learns that again. With a factor of 2, an agent that explores actively expects as
-#: badly at 8000 touches as it did at 5000: its mean surprise is 0.44, not 0.10.
-_FIRST, _AGAIN = 5000, 1.5
+#: Touches of a body after which the agent learns what to expect.
+_FIRST = 5000
 
-#: Share of the touches, the last ones, that say what surprise is usual, and their greatest number.
-#: The expectation does not learn from them.
-_USUAL, _MOST_USUAL = 0.2, 10_000
+#: It learns that again each time the touches have grown by this factor. With a factor of 2, an
+#: agent that explores actively expects as badly at 8000 touches as it did at 5000: its mean
+#: surprise is 0.44, not 0.10.
+_AGAIN = 1.5
 
-#: Touches of the changed body from which the agent explains the change, and from which it makes a
-#: guess more exact.
-_TO_EXPLAIN, _TO_REFINE = 1000, (2000, 4000)
+#: The last touches, this share of all, say what surprise is usual: the expectation does not learn
+#: from them.
+_USUAL = 0.2
+
+#: Most touches that say what surprise is usual.
+_MOST_USUAL = 10_000
+
+#: Touches of the changed body from which the agent explains the change.
+_TO_EXPLAIN = 1000
+
+#: Touches of the changed body from which it makes a guess more exact.
+_TO_REFINE = (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
 _BLOCK = 500

@@ -8,14 +8,9 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from selftouch_drake.agent.representation.batches import Batch, Batches
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.quotient.batches import (
-    NO_ROWS,
-    Batch,
-    Batches,
-    as_numbers,
-    check_sensation,
-)
+from selftouch_drake.quotient.experience import NO_ROWS, as_numbers, check_sensation
 from selftouch_drake.quotient.sensations import assign
 
 

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from selftouch_drake.agent.representation.batches import Batches, Map
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
 from selftouch_drake.agent.representation.relevance import touch_modes
-from selftouch_drake.agent.representation.several_places import SeveralPlaces
+from selftouch_drake.agent.representation.reservoir import KernelSample
+from selftouch_drake.agent.representation.sorting import Progress, sorted_into_kernels
 from selftouch_drake.agent.representation.touches import kernel_parts
-from selftouch_drake.quotient.batches import Batches, Map
 from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.graph import QuotientGraph, quotient_graph
 from selftouch_drake.quotient.kernels import KernelSets
-from selftouch_drake.quotient.learn import Progress, Sizes, sorted_into_kernels
-from selftouch_drake.quotient.reservoir import KernelSample
+from selftouch_drake.quotient.learn import Sizes
 from selftouch_drake.quotient.sensations import unlike
 
 
@@ -86,10 +86,8 @@ def learn(
             reading has a different number of rows.
     """
     sizes = Sizes(num_targets=num_targets, max_kernel_size=max_kernel_size, seed=seed)
-    kernels = sorted_into_kernels(
-        batches, sizes, make_senses=SeveralPlaces.of, progress=progress, each=each
-    )
-    senses: SeveralPlaces = kernels.senses  # type: ignore[assignment]
+    kernels = sorted_into_kernels(batches, sizes, progress=progress, each=each)
+    senses = kernels.senses
     part = kernel_parts(kernels.targets, senses.together.near)
     progress(0.3, "joints that matter")
     double, mode_seed = senses.together.double, sizes.seeds(3)[2]

@@ -24,7 +24,7 @@ _RARE = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeveralPlaces:
-    """How a learner takes sensations apart, as of `quotient.senses.Senses`.
+    """How a learner takes the sensations of n rows apart into m touches, and compares them.
 
     Attributes:
         together: which receptors feel the same touch.
@@ -41,7 +41,7 @@ class SeveralPlaces:
         return cls(together, expected_readings(pooled(sensation, together.pool), together))
 
     def places(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As of `Together.places`."""
+        """The row of each touch, what pools feel of it, what is set aside: `Together.places`."""
         return self.together.places(sensation)
 
     def whole(self, sensation: np.ndarray) -> np.ndarray:

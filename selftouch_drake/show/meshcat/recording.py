@@ -10,8 +10,8 @@ from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, drawn_page
 from selftouch_drake.show.run_data import RunData, Targets
 from selftouch_drake.show.skins import touch_paths
 
-# Repetitions of the animation; the controls of the page stop it.
-_REPETITIONS = 1000
+#: Repetitions of an animation; the controls of the page stop it.
+REPETITIONS = 1000
 # s, for which the end is held.
 _PAUSE_S = 1.0
 
@@ -65,7 +65,7 @@ def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:
     # What is set with a time is recorded only; live, the recording is played.
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()
-    recording.set_repetitions(_REPETITIONS)
+    recording.set_repetitions(REPETITIONS)
     scene.record(
         recording, execution.q_measured[rows], execution.felt[rows], motion.predicted[rows]
     )

@@ -38,11 +38,17 @@ _DIGITS = 3
 Table = tuple[str, Sequence[Sequence[str]], Sequence[str]]
 
 
-def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Path | str) -> str:
+def report_page(
+    data: RunData,
+    pictures: Mapping[str, Path | str],
+    recording: Path | str,
+    babbling: Path | None = None,
+) -> str:
     """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
     What was not made yet is named, with the command that makes it. Pictures are as `draw_figures`
-    returns them; the recording is the page with the recorded plan, or why there is none.
+    returns them; the recording is the page with the recorded plan, or why there is none; the page
+    of babbling shows its first seconds, if there is one.
     """
     body = no_surface = robot_missing = ""
     try:
@@ -97,6 +103,7 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         plans=plans,
         shown=data.shown_pair if plans[1] else None,
         recording=recording.name if isinstance(recording, Path) else "",
+        babbling=babbling.name if babbling else "",
         no_recording=recording if isinstance(recording, str) else "",
     )
 

@@ -8,7 +8,8 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong import explanation
 from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet, cosine_distance
-from selftouch_drake.agent.lifelong.explanation import NewReceptors, explain_change
+from selftouch_drake.agent.lifelong.explanation import explain_change
+from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
 
 NUM_OLD = 6000
 

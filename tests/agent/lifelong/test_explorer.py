@@ -7,7 +7,7 @@ import pytest
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong import explorer as module
-from selftouch_drake.agent.lifelong.explorer import PostureSampler, Walker
+from selftouch_drake.agent.lifelong.explorer import ContactExplorer, PostureSampler
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -44,10 +44,12 @@ SENSORS = sensors()
 
 @pytest.fixture(autouse=True)
 def dwells_shortly(monkeypatch):
-    monkeypatch.setattr(module.Walker, "dwell", 300)
+    monkeypatch.setattr(module.ContactExplorer, "dwell", 300)
 
 
-def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Walker, joints=JOINTS):
+def explored(
+    agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=ContactExplorer, joints=JOINTS
+):
     start = np.array(start)
     felt, rng = ball_feels(start[None])[0], np.random.default_rng(seed)
     moves = explores(agent, start, felt, rng, **joints).moves()

@@ -1,6 +1,5 @@
 import dataclasses
 import pickle
-import sys
 import warnings
 
 import numpy as np
@@ -9,7 +8,6 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from selftouch_drake import quotient
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.quotient.graph import DisconnectedWarning
@@ -134,10 +132,10 @@ def cut(arrays, *cuts):
 @pytest.mark.parametrize("cuts", [(1, 2, 50), (0, 3000, 3000), tuple(range(7, 6000, 701))])
 def test_batches_of_any_size_give_the_same_bytes(cuts, experience, learner, monkeypatch):
     # A small reservoir and small blocks, so that both passes drop rows and split batches.
-    # The function `learn` hides its module.
-    monkeypatch.setattr(sys.modules["selftouch_drake.quotient.learn"], "MAX_ROWS", 900)
-    monkeypatch.setattr(quotient.batches, "_BLOCK", 512)
-    monkeypatch.setattr(quotient.reservoir, "_LEAST_WAITING", 1000)
+    room = "selftouch_drake.agent.representation"
+    monkeypatch.setattr(f"{room}.sorting.MAX_ROWS", 900)
+    monkeypatch.setattr(f"{room}.batches._BLOCK", 512)
+    monkeypatch.setattr(f"{room}.reservoir._LEAST_WAITING", 1000)
     whole, fitted = (
         clone(learner).fit_batches(batches) for batches in (cut(experience), cut(experience, *cuts))
     )

@@ -1,17 +1,15 @@
-"""A fair sample of each motor kernel set, in bounded memory (paper, section III).
+"""The same samples of kernels as of `quotient.kernels.sample_rows`, as experience comes.
 
-The paper keeps at most a thousand motor configurations per kernel. Here each of a kernel's
-configurations is kept with equal probability: each row of the experience has a random priority that
-depends only on the seed and the row, and a kernel keeps the rows with the lowest priorities. So the
-kernels do not depend on how the experience is split into batches, and the memory does not grow with
-the experience.
+Each row of the experience has a random priority that depends only on the seed and the row, and a
+kernel keeps the rows with the lowest priorities. So the kernels do not depend on how the experience
+is split into batches, and the memory does not grow with the experience.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from .kernels import quick_to_sort
+from selftouch_drake.quotient.kernels import quick_to_sort
 
 #: Rows are sorted in once so many wait: sorting a few of them at a time is slow.
 _LEAST_WAITING = 32_768

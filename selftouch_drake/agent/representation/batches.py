@@ -1,7 +1,6 @@
-"""The experience (M, S): motor configurations that led to non-null sensations (paper, section III).
+"""The experience as a learner reads it: in batches, checked, by this process or by many.
 
-It may be larger than the memory, so a learner reads it in batches, and checks it. What is computed
-from a block of rows depends on these rows alone, and not on where it is computed.
+What is computed from a block of rows depends on these rows alone and not on where it is computed.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -12,14 +11,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from .reservoir import Draw, KernelReservoir
-from .sensations import strength
+from selftouch_drake.agent.representation.reservoir import Draw, KernelReservoir
+from selftouch_drake.quotient.experience import checked_experience
 
 # Rows per block: bounds the memory.
 _BLOCK = 16_384
-
-#: The text of an error.
-NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 
 #: `(n, S)` sensations in N and `(n, J)` motor configurations in the robot's units.
 Batch = tuple[np.ndarray, np.ndarray]
@@ -63,11 +59,12 @@ def _made(work: Callable[[Draw, Batch], Any], check: bool, part: tuple[Draw, Any
     draw, batch = part
     if isinstance(batch, tuple):
         return [work(draw, batch)]
-    first_row, rows = draw.first_row, batch.read()
+    first_row = draw.first_row
+    sensations, configurations = batch.read()
     if check:
-        rows = _checked_batch(rows, first_row)
+        sensations, configurations = checked_experience(sensations, configurations, first_row)
     made = []
-    for sensation, q in _in_blocks(*rows):
+    for sensation, q in _in_blocks(sensations, configurations):
         made.append(work(replace(draw, first_row=first_row), (sensation, q)))
         first_row += len(q)
     return made
@@ -78,7 +75,7 @@ def checked(batches: Iterable[Any]) -> Iterator[Any]:
     row, widths = 0, dict[str, int]()
     for batch in batches:
         if isinstance(batch, tuple):
-            batch = sensation, q = _checked_batch(batch, row)
+            batch = sensation, q = checked_experience(batch[0], batch[1], row)
             for name, what, array in (("sensation", "receptors", sensation), ("q", "joints", q)):
                 width = widths.setdefault(name, array.shape[1])
                 if array.shape[1] != width:
@@ -90,58 +87,8 @@ def checked(batches: Iterable[Any]) -> Iterator[Any]:
         yield batch
 
 
-def _checked_batch(batch: Batch, row: int) -> Batch:
-    """The batch as arrays; `row` is its first."""
-    sensation, q = map(as_numbers, ("sensation", "q"), batch)
-    check_sensation(sensation, row)
-    if q.ndim != 2 or q.shape[1] == 0:
-        raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")
-    if len(q) != len(sensation):
-        raise ValueError(
-            f"q has {len(q)} rows and sensation {len(sensation)}: give one motor configuration "
-            "for each sensation"
-        )
-    _check_finite("q", np.isfinite(q).all(axis=1), row)
-    return sensation, q
-
-
 def _in_blocks(sensation: np.ndarray, q: np.ndarray) -> Iterator[Batch]:
     """The same rows in blocks of at most `_BLOCK`."""
     for start in range(0, len(sensation), _BLOCK):
         block = slice(start, start + _BLOCK)
         yield np.asarray(sensation)[block], np.asarray(q)[block]
-
-
-def as_numbers(name: str, rows: Any) -> np.ndarray:
-    """The rows as an array; raises a ValueError if they are no real numbers, or sparse."""
-    array = np.asarray(rows)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} holds {array.dtype}: give real numbers, not sparse")
-    return array
-
-
-def check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
-    """Rejects sensations that no skin can produce."""
-    if sensation.ndim != 2 or sensation.shape[1] == 0:
-        raise ValueError(
-            f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)"
-        )
-    felt = strength(sensation).astype(np.float32)
-    _check_finite("sensation", np.isfinite(felt), first_row)
-    if (lowest := sensation.min(initial=0)) < 0:
-        raise ValueError(
-            f"sensation holds {lowest:g}, a negative reading: give pressures, without the "
-            "receptors' offset"
-        )
-    if (null := np.flatnonzero(felt == 0)).size:
-        raise ValueError(
-            f"sensation row {first_row + null[0]} is null: keep only rows that touch "
-            f"({null.size} do not)"
-        )
-
-
-def _check_finite(name: str, finite: np.ndarray, first_row: int) -> None:
-    if (bad := np.flatnonzero(~finite)).size:
-        raise ValueError(
-            f"{name} row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
-        )

@@ -1,0 +1,175 @@
+"""Who touched, before any model: where in motor space the touches of one toucher lie dense.
+
+Within one kernel the joints that carry a toucher hold each other, so that its touches lie on a
+surface of low dimension, and those of others are spread. Touchers on different limbs are told apart
+by the densities of their limbs' joints. The bandwidth is annealed: wide ones find the touchers, and
+narrow ones make them sure.
+"""
+
+import itertools
+import math
+
+import numpy as np
+
+from selftouch_drake.agent.body_model.fit import Group
+from selftouch_drake.compiled import compiled
+
+# Standard deviations of the readings. The next one is not taken if it explains less.
+_BANDWIDTHS = (0.5, 0.35, 0.25, 0.18)
+_ROUNDS = 8
+# Floor of a density, relative to the background, and of a toucher's share of a kernel.
+_FLOOR = 0.02
+# A limb has so many joints here at most, those that hold each other most; a weaker limb than this,
+# relative to the strongest, is none.
+_CORE, _WEAKEST = 4, 0.15
+
+
+def limbs(statistic: np.ndarray, noise: float) -> list[list[int]]:
+    """Groups of joints that hold each other, by modularity of the statistic of pairs.
+
+    Args:
+        statistic: `(J, J)` of `structure.pair_statistic`.
+        noise: its standard deviation by chance.
+    """
+    num_joints = len(statistic)
+    apart = statistic[~np.eye(num_joints, dtype=bool)]
+    low = float(np.median(apart[apart < np.median(apart) + 4 * noise]))
+    tie = np.sqrt(np.maximum(statistic - max(low, 0.0) - 4 * noise, 0.0))
+    np.fill_diagonal(tie, 0.0)
+    degree = tie.sum(axis=1)
+    live = np.flatnonzero(degree > 0)
+    if len(live) < 4:
+        return [live.tolist()] if len(live) else []
+    gain = tie - np.outer(degree, degree) / degree.sum()
+    groups = [[int(joint)] for joint in live]
+    while len(groups) > 1:
+        best, pair = 1e-12, None
+        for a, b in itertools.combinations(range(len(groups)), 2):
+            value = gain[np.ix_(groups[a], groups[b])].sum()
+            if value > best:
+                best, pair = value, (a, b)
+        if pair is None:
+            break
+        groups[pair[0]] += groups.pop(pair[1])
+    groups = _single_moves(groups, gain)
+    return _cores(groups, statistic)
+
+
+def _single_moves(groups: list[list[int]], gain: np.ndarray) -> list[list[int]]:
+    for _ in range(30):
+        best, move = 1e-9, None
+        for a, b in itertools.permutations(range(len(groups)), 2):
+            for joint in groups[a]:
+                rest = [other for other in groups[a] if other != joint]
+                value = gain[joint, groups[b]].sum() - gain[joint, rest].sum()
+                if value > best:
+                    best, move = value, (a, joint, b)
+        if move is None:
+            break
+        groups[move[0]].remove(move[1])
+        groups[move[2]].append(move[1])
+        groups = [group for group in groups if group]
+    return groups
+
+
+def _cores(groups: list[list[int]], statistic: np.ndarray) -> list[list[int]]:
+    cores = []
+    for group in groups:
+        inside = statistic[np.ix_(group, group)].max(axis=1)
+        strong = [j for j, value in zip(group, inside, strict=True) if value > 0.25 * inside.max()]
+        strong.sort(key=lambda joint: -statistic[joint, group].max())
+        if len(strong) >= 2:
+            cores.append(sorted(strong[:_CORE]))
+    if not cores:
+        return []
+    strength = [statistic[np.ix_(core, core)].max() for core in cores]
+    return [
+        core
+        for core, value in zip(cores, strength, strict=True)
+        if value > _WEAKEST * max(strength)
+    ]
+
+
+@compiled
+def _rounds(x, first, offsets, background, share, bandwidth, rounds, floor):
+    """Rounds of responsibilities within each kernel; returns the mean log evidence."""
+    num_touches, num_limbs = share.shape
+    largest = 0
+    for k in range(len(offsets) - 1):
+        largest = max(largest, offsets[k + 1] - offsets[k])
+    near = np.zeros((num_limbs, largest, largest), np.float32)
+    fresh, mass = np.zeros((largest, num_limbs)), np.zeros(num_limbs)
+    scale, evidence = -0.5 / bandwidth**2, 0.0
+    for k in range(len(offsets) - 1):
+        start, n = offsets[k], offsets[k + 1] - offsets[k]
+        for u in range(num_limbs):
+            for a in range(n):
+                near[u, a, a] = 0.0
+                for b in range(a):
+                    square = 0.0
+                    for d in range(first[u], first[u + 1]):
+                        step = x[start + a, d] - x[start + b, d]
+                        square += step * step
+                    value = math.exp(scale * square)
+                    near[u, a, b] = value
+                    near[u, b, a] = value
+        for turn in range(rounds):
+            for u in range(num_limbs):
+                mass[u] = 0.0
+                for a in range(n):
+                    mass[u] += share[start + a, u]
+            for a in range(n):
+                total = 0.0
+                for u in range(num_limbs):
+                    density = 0.0
+                    for b in range(n):
+                        density += near[u, a, b] * share[start + b, u]
+                    own = share[start + a, u]
+                    density = density / (mass[u] - own + 1e-6) / (background[start + a, u] + 1e-6)
+                    value = (density + floor) * (mass[u] / n + floor)
+                    fresh[a, u] = value
+                    total += value
+                if turn == rounds - 1:
+                    evidence += math.log(total)
+                for u in range(num_limbs):
+                    fresh[a, u] /= total
+            for a in range(n):
+                for u in range(num_limbs):
+                    share[start + a, u] = fresh[a, u]
+    return evidence / num_touches
+
+
+def who_touched(q: np.ndarray, group: Group, cores: list[list[int]]) -> np.ndarray:
+    """`(n, U)` probability that each limb made each touch, in the order of `group.rows`.
+
+    Args:
+        q: `(J, R)` standardised readings.
+        group: touches of one part.
+        cores: U limbs, each a list of joints.
+    """
+    own = q[:, group.rows].T.astype(np.float32)
+    x = np.ascontiguousarray(np.concatenate([own[:, core] for core in cores], axis=1))
+    first = np.concatenate([[0], np.cumsum([len(core) for core in cores])]).astype(np.int64)
+    best_evidence, best = -np.inf, np.full((len(own), len(cores)), 1 / len(cores))
+    for bandwidth in _BANDWIDTHS:
+        background = np.stack([_background(own[:, core], bandwidth) for core in cores], axis=1)
+        share = best.copy()
+        evidence = _rounds(
+            x, first, group.offsets, background, share, bandwidth, np.int64(_ROUNDS), _FLOOR
+        )
+        if evidence <= best_evidence:
+            break
+        best_evidence, best = evidence, share
+    return best
+
+
+def _background(x: np.ndarray, bandwidth: float, most: int = 2500) -> np.ndarray:
+    """`(n,)` density of all touches, smoothed at least by 0.4 standard deviations."""
+    some = x[:: max(1, len(x) // most)]
+    wide = max(bandwidth, 0.4)
+    density = np.empty(len(x))
+    for start in range(0, len(x), 4000):
+        piece = x[start : start + 4000]
+        squares = (piece**2).sum(axis=1)[:, None] + (some**2).sum(axis=1) - 2 * piece @ some.T
+        density[start : start + 4000] = np.exp(-0.5 * np.maximum(squares, 0) / wide**2).mean(axis=1)
+    return density * (bandwidth / wide) ** x.shape[1]

@@ -1,0 +1,368 @@
+"""One tree from chains: skins hung where they fit, hands and joints added one after another."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from selftouch_drake.agent.body_model.chain import adjoint
+from selftouch_drake.agent.body_model.fit import Bodies, Descent, Group, Way, random_twists
+from selftouch_drake.agent.body_model.model import BASE
+from selftouch_drake.agent.body_model.refine import (
+    Scene,
+    Solution,
+    all_places,
+    kernel_medians,
+    started,
+)
+from selftouch_drake.agent.body_model.structure import Search
+from selftouch_drake.agent.body_model.tree import Tree
+
+# Touches on which hypotheses of where a part hangs compete.
+_HUNG = 2500
+# A toucher of a part makes at least this share of its touches.
+_FEWEST = 0.03
+# More touchers must explain so many more touches.
+_EARNED = 0.03
+# Joints that a hypothesis may have too many or too few, compared with a chain found alone.
+_APART = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Links:
+    """A tree without a root: links joined by joints, and what they carry.
+
+    Attributes:
+        ends: of each joint, the links on its two sides; a way from the first to the second passes
+            it forwards.
+        number: of links.
+        part: the link of each part.
+        toucher: the link of each toucher.
+    """
+
+    ends: dict[int, tuple[int, int]]
+    number: int
+    part: dict[int, int]
+    toucher: dict[int, int]
+
+    @staticmethod
+    def of_chain(way: Way, part: int, num_touchers: int = 1) -> "Links":
+        """A part at one end of a chain, touchers at the other."""
+        ends = {joint: (index, index + 1) for index, (joint, _) in enumerate(way)}
+        touchers = dict.fromkeys(range(num_touchers), len(way))
+        return Links(ends, len(way) + 1, {part: 0}, touchers)
+
+    def way(self, start: int, end: int) -> Way:
+        """From one link to another."""
+        near: dict[int, list[tuple[int, int, int]]] = {}
+        for joint, (a, b) in self.ends.items():
+            near.setdefault(a, []).append((b, joint, 1))
+            near.setdefault(b, []).append((a, joint, -1))
+        pile: list[tuple[int, Way, int]] = [(start, (), -1)]
+        while pile:
+            link, way, before = pile.pop()
+            if link == end:
+                return way
+            for other, joint, sign in near.get(link, []):
+                if other != before:
+                    pile.append((other, (*way, (joint, sign)), link))
+        raise ValueError(f"links {start} and {end} are not joined")
+
+    def extended(self, link: int, joints: Sequence[int], *, forwards: bool) -> tuple["Links", int]:
+        """More joints in a row from a link on; and the link at their end.
+
+        Args:
+            link: where they begin.
+            joints: in the order from there.
+            forwards: whether a way outwards passes them forwards.
+        """
+        ends, number = dict(self.ends), self.number
+        for joint in joints:
+            ends[joint] = (link, number) if forwards else (number, link)
+            link, number = number, number + 1
+        return replace(self, ends=ends, number=number), link
+
+    def rooted(self, root: int) -> Tree:
+        """The same as a rooted tree: the joint of a link is the one that carries it."""
+        parent: dict[int, int] = {}
+        joint_of, pile = {root: BASE}, [root]
+        while pile:
+            link = pile.pop()
+            for joint, (a, b) in self.ends.items():
+                if link in (a, b) and joint not in parent and joint != joint_of[link]:
+                    other = b if link == a else a
+                    parent[joint] = joint_of[link]
+                    joint_of[other] = joint
+                    pile.append(other)
+        return Tree(
+            parent,
+            {part: joint_of[link] for part, link in self.part.items()},
+            {toucher: joint_of[link] for toucher, link in self.toucher.items()},
+        )
+
+    def backwards(self, root: int) -> list[int]:
+        """Joints that a way outwards from a root passes backwards."""
+        turned = []
+        for joint, (a, b) in self.ends.items():
+            if len(self.way(root, a)) > len(self.way(root, b)):
+                turned.append(joint)
+        return turned
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A tree with its parameters.
+
+    Attributes:
+        links: the tree.
+        twists: `(J, 6)` for standardised readings.
+        points: `(U, 3)` touchers.
+        pairs: pairs of part and toucher that touch.
+    """
+
+    links: Links
+    twists: np.ndarray
+    points: np.ndarray
+    pairs: tuple[tuple[int, int], ...]
+
+    def ways(self) -> dict[tuple[int, int], Way]:
+        """Ways of all pairs."""
+        links = self.links
+        return {(p, u): links.way(links.part[p], links.toucher[u]) for p, u in self.pairs}
+
+
+def explained(scene: Scene, solution: Solution, part: int) -> float:
+    """Share of a part's touches nearer to their own kernel than kernels lie to each other."""
+    rows = scene.rows(part)
+    touchers = scene.touchers(part)
+    Y = all_places(scene, solution.twists, solution.points)[touchers][:, rows]
+    target = scene.target[rows]
+    own = solution.share[np.ix_(rows, touchers)]
+    y = Y[own.argmax(axis=1), np.arange(len(rows))]
+    y[own.sum(axis=1) < 0.5] = np.nan
+    middle = kernel_medians(y, target, len(scene.part), least=4)
+    known = np.flatnonzero(np.isfinite(middle).all(axis=1))
+    if len(known) < 8:
+        return 0.0
+    apart = np.median(cKDTree(middle[known]).query(middle[known], k=2)[0][:, 1])
+    far = np.linalg.norm(Y - middle[target], axis=2).min(axis=0)
+    return float(
+        (far[np.isfinite(far)] < apart).sum() / max(np.isfinite(middle[target][:, 0]).sum(), 1)
+    )
+
+
+def dense_rows(
+    target: np.ndarray, rows: np.ndarray, random: np.random.Generator, most: int = _HUNG
+) -> np.ndarray:
+    """Touches of some kernels, many of each: what a judgement of kernels needs."""
+    kernels = random.permutation(np.unique(target[rows]))
+    count = np.bincount(target[rows])
+    size = max(8, min(40, most // max(len(kernels), 1)))
+    kept = kernels[: max(20, most // size)]
+    picked = [
+        random.permutation(rows[target[rows] == kernel])[:size]
+        for kernel in kept
+        if count[kernel] >= 5
+    ]
+    return np.sort(np.concatenate(picked)) if picked else rows[:0]
+
+
+def hung(
+    scene: Scene, body: Body, part: int, random: np.random.Generator
+) -> tuple[float, Body] | None:
+    """The body with one more part, where that explains most touches; nothing is fitted.
+
+    Args:
+        scene: touches; its ways are not read.
+        body: a tree without the part.
+        part: to be hung.
+        random: which touches hypotheses compete on.
+
+    Returns:
+        The share of touches that is explained, and the body; None if no link will do.
+    """
+    some = scene.some(dense_rows(scene.target, scene.rows(part), random))
+    if len(some.q) == 0:
+        return None
+    best: tuple[float, Body] | None = None
+    links = body.links
+    for link in range(links.number):
+        touchers = [u for u in sorted(links.toucher) if len(links.way(link, links.toucher[u])) >= 3]
+        while touchers:
+            there = replace(links, part={**links.part, part: link})
+            ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
+            tried = replace(some, ways=ways)
+            solution = started(tried, body.twists, body.points)
+            value = explained(tried, solution, part) - _EARNED * (len(touchers) - 1)
+            if best is None or value > best[0]:
+                pairs = (*body.pairs, *((part, u) for u in touchers))
+                best = value, replace(body, links=there, pairs=pairs)
+            share = solution.frequency[part][touchers]
+            if len(touchers) == 1:
+                break
+            # Without the one that touches least; and each alone, if there are two.
+            touchers = [u for u in touchers if u != touchers[int(share.argmin())]]
+    return best
+
+
+def similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """`(4, 4)` the similarity, maybe a mirror image, that brings points to others; robust."""
+    kept = np.arange(len(found))
+    motion = np.eye(4)
+    for _ in range(6):
+        a, b = found[kept], wanted[kept]
+        u, s, vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
+        scale = s.sum() / ((a - a.mean(axis=0)) ** 2).sum()
+        motion[:3, :3] = scale * (u @ vt).T
+        motion[:3, 3] = b.mean(axis=0) - motion[:3, :3] @ a.mean(axis=0)
+        away = np.linalg.norm(found @ motion[:3, :3].T + motion[:3, 3] - wanted, axis=1)
+        kept = np.flatnonzero(away <= 2.5 * np.median(away) + 1e-12)
+    return motion
+
+
+def twist_similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """`(4, 4)` the similarity that brings twists to others, maybe mirrored; least squares."""
+    u, _, vt = np.linalg.svd(found[:, :3].T @ wanted[:, :3])
+    turn = (u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt).T
+    # v of the others is scale * turn @ v + offset x w; a negative scale is a mirror image.
+    w = wanted[:, :3]
+    zero = np.zeros(len(w))
+    crossed = np.stack(
+        [
+            np.stack([zero, w[:, 2], -w[:, 1]], axis=1),
+            np.stack([-w[:, 2], zero, w[:, 0]], axis=1),
+            np.stack([w[:, 1], -w[:, 0], zero], axis=1),
+        ],
+        axis=1,
+    )
+    table = np.concatenate([(found[:, 3:] @ turn.T)[:, :, None], crossed], axis=2).reshape(-1, 4)
+    scale, *offset = np.linalg.lstsq(table, wanted[:, 3:].ravel(), rcond=None)[0]
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = scale * turn, offset
+    return motion
+
+
+def joined(scene: Scene, part: int, limbs: Sequence[tuple[Bodies, np.ndarray]]) -> Body:
+    """One body of several chains from one part, brought to common places of its kernels.
+
+    Args:
+        scene: touches; its ways are not read.
+        part: that all chains begin at.
+        limbs: chains, each with the touches that it was fitted to.
+    """
+    (first, rows), *others = limbs
+    way = first.ways[0][0]
+    links = Links.of_chain(way, part)
+    twists, points = first.twists[0].copy(), [first.points[0, 0]]
+    places = _medians(scene, first, rows)
+    for number, (chain, its_rows) in enumerate(others, start=1):
+        its = _medians(scene, chain, its_rows)
+        both = np.isfinite(places).all(axis=1) & np.isfinite(its).all(axis=1)
+        motion = similarity(its[both], places[both])
+        its_way = chain.ways[0][0]
+        joints = [joint for joint, _ in its_way if joint not in links.ends]
+        links, end = links.extended(links.part[part], joints, forwards=True)
+        links = replace(links, toucher={**links.toucher, number: end})
+        twists[joints] = adjoint(motion, chain.twists[0, joints])
+        points.append(motion[:3, :3] @ chain.points[0, 0] + motion[:3, 3])
+    return Body(links, twists, np.array(points), tuple((part, u) for u in range(len(points))))
+
+
+def _medians(scene: Scene, chain: Bodies, rows: np.ndarray) -> np.ndarray:
+    alone = replace(
+        scene.some(rows), ways={(int(scene.part[scene.target[rows[0]]]), 0): chain.ways[0][0]}
+    )
+    Y = all_places(alone, chain.twists[0], chain.points[0])[0]
+    return kernel_medians(Y, alone.target, len(scene.part), least=4)
+
+
+def attached(
+    search: Search,
+    scene: Scene,
+    group: Group,
+    body: Body,
+    part: int,
+    *,
+    inner: Sequence[int],
+    outer: Sequence[int],
+    shared: Sequence[int] | None,
+) -> list[Body]:
+    """Bodies with a part whose way has joints that the tree does not have yet, best first.
+
+    Args:
+        search: what to work on.
+        scene: touches; its ways are not read.
+        group: touches of the part by one toucher; others are outliers.
+        body: the tree so far.
+        part: to be added.
+        inner: new joints between the tree and the part.
+        outer: new joints between the tree and a new toucher; none: a known toucher touched.
+        shared: joints of the tree that a chain found alone has; None: unknown.
+    """
+    links = body.links
+    ends = range(links.number) if outer else sorted(set(links.toucher.values()))
+    hypotheses = []
+    for start, end in itertools.product(range(links.number), ends):
+        middle = links.way(start, end)
+        joints = {joint for joint, _ in middle}
+        if shared is not None and len(joints ^ set(shared)) > _APART:
+            continue
+        if start == end and not (inner and outer):
+            continue
+        for first in itertools.permutations(inner):
+            for last in itertools.permutations(outer):
+                way = (*((j, 1) for j in first), *middle, *((j, 1) for j in last))
+                if len(way) >= 3:
+                    hypotheses.append((start, end, first, last, way))
+    if not hypotheses:
+        return []
+    random, fresh = search.random, [*inner, *outer]
+    repeats = 3 if len(hypotheses) < 60 else 1
+    hypotheses = hypotheses * repeats
+    bodies = Bodies(
+        [[h[4]] for h in hypotheses],
+        np.repeat(body.twists[None], len(hypotheses), axis=0),
+        np.zeros((len(hypotheses), 1, 3)),
+        np.full((len(hypotheses), 1), np.inf),
+    )
+    size = np.sqrt((body.points**2).sum(axis=1).mean())
+    for index, (_, end, _, last, _) in enumerate(hypotheses):
+        bodies.twists[index, fresh] = 0.6 * random_twists(random, len(fresh))
+        known = [u for u, link in links.toucher.items() if link == end]
+        if last or not known:
+            bodies.points[index, 0] = body.points.mean(axis=0) + size * random.standard_normal(3)
+        else:
+            bodies.points[index, 0] = body.points[known[int(random.integers(len(known)))]]
+    how = Descent(steps=300, tail=8.0, kernels=30)
+    tried = search.descended([group], bodies, how)
+    order = np.argsort(tried.loss[:, 0], kind="stable")[:8]
+    tried = search.descended([group], tried.pick(order), replace(how, steps=600, rate=0.02))
+    ranked = np.argsort(tried.loss[:, 0], kind="stable")
+    return [_with(body, part, hypotheses[order[k]], tried.pick([k])) for k in ranked]
+
+
+def _with(body: Body, part: int, hypothesis, tried: Bodies) -> Body:
+    """The body with a part and new joints, whose twists come from a fit of the part alone.
+
+    The fit began in the frame of the body and left it: the joints of both tell the way back.
+    """
+    start, end, first, last, _ = hypothesis
+    links, skin = body.links.extended(start, first[::-1], forwards=False)
+    links, hand = links.extended(end, last, forwards=True)
+    links = replace(links, part={**links.part, part: skin})
+    twists, points = body.twists.copy(), body.points
+    fresh = [*first, *last]
+    both = [joint for joint, _ in hypothesis[4] if joint not in fresh]
+    motion = twist_similarity(tried.twists[0, both], body.twists[both])
+    twists[fresh] = adjoint(motion, tried.twists[0, fresh])
+    point = motion[:3, :3] @ tried.points[0, 0] + motion[:3, 3]
+    if last:
+        toucher = len(points)
+        points = np.concatenate([points, point[None]])
+        links = replace(links, toucher={**links.toucher, toucher: hand})
+        pairs: tuple[tuple[int, int], ...] = ((part, toucher),)
+    else:
+        pairs = tuple((part, u) for u, link in body.links.toucher.items() if link == end)
+    return Body(links, twists, points, (*body.pairs, *pairs))

@@ -1,0 +1,264 @@
+"""Grows one tree for all parts: a sharp chain first, then skins, hands and joints that fit it."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from selftouch_drake.agent.body_model.density import limbs, who_touched
+from selftouch_drake.agent.body_model.fit import Bodies, Group
+from selftouch_drake.agent.body_model.forest import (
+    Body,
+    Links,
+    attached,
+    dense_rows,
+    explained,
+    hung,
+    joined,
+)
+from selftouch_drake.agent.body_model.refine import Scene, refined, started
+from selftouch_drake.agent.body_model.structure import (
+    Search,
+    found_chains,
+    joints_that_hold,
+    order_of,
+    pair_statistic,
+    population,
+)
+
+# Touches that a chain is searched with, and that a bundle is refined with while the tree grows.
+_SEARCHED, _BUNDLED = 20_000, 15_000
+# Parts with fewer touches are only hung.
+_FEWEST = 600
+# Share of explained touches above which a chain is a seed, and a part joins the tree.
+_SEED, _JOINS = 0.75, 0.7
+# A touch belongs to a limb surely above this probability.
+_SURE = 0.85
+# Parts whose chains compete to be the seed.
+_PROBED = 3
+# New joints that are tried in all orders, at most.
+_MOST_NEW = 3
+
+
+def grown(search: Search, scene: Scene, tested: np.ndarray, moving: list[int]) -> Body | None:
+    """One body that explains as many parts as possible; None if no part gives a chain.
+
+    Args:
+        search: what to work on.
+        scene: all touches; its ways are not read.
+        tested: `(R,)` bool, held-out touches: not used.
+        moving: joints that move.
+    """
+    grower = _Grower(search, scene, tested, moving)
+    body = grower.seed()
+    if body is None:
+        return None
+    while True:
+        waiting = [part for part in grower.parts if part not in body.links.part]
+        bigger = grower.with_hung(body, waiting) or grower.with_attached(body, waiting)
+        if bigger is None:
+            return body
+        body = bigger
+
+
+class _Grower:
+    """What is known of the parts while a tree grows."""
+
+    def __init__(self, search: Search, scene: Scene, tested: np.ndarray, moving: list[int]):
+        self.search, self.scene, self.moving = search, scene, moving
+        part = scene.part[scene.target]
+        used = np.flatnonzero(~tested)
+        self.rows = {int(p): used[part[used] == p] for p in np.unique(part)}
+        self.parts = sorted(self.rows, key=lambda p: -len(self.rows[p]))
+        self.groups, self.holding, self.statistic = {}, {}, {}
+        for p in self.parts:
+            some = np.sort(search.random.permutation(self.rows[p])[:_SEARCHED])
+            self.groups[p] = Group.of(some, scene.target[some])
+            self.statistic[p] = pair_statistic(search.q, self.groups[p], least=20)
+            held = [j for j in joints_that_hold(*self.statistic[p]) if j in moving]
+            self.holding[p] = held if len(held) >= 3 else moving
+        self.chains: dict[int, Bodies] = {}
+        self.given_up: set[int] = set()
+
+    def seed(self) -> Body | None:
+        """A tree of one part: the one that a population finds sharpest, by one hand or several."""
+        ripe = [
+            p
+            for p in self.parts
+            if len(self.rows[p]) >= _FEWEST and self.groups[p].num_kernels >= 8
+        ]
+        probe = {}
+        for p in ripe:
+            found = population(self.search, self.groups[p], self.holding[p], rounds=2)
+            probe[p] = float(found.loss.sum(axis=1).min())
+        by_probe = sorted(ripe, key=lambda p: probe[p])
+        # Cheap trials first: a mixture of hands has no chain, however long one looks for it. Of
+        # several chains the sharpest one begins: a blunt one may have a wrong order.
+        sharp = [p for p in by_probe[:_PROBED] if self.chain(p, 1) is not None]
+        sharp.sort(key=lambda p: float(self.chains[p].loss.sum()))
+        trials = itertools.chain(
+            (self.of_one_hand(p, 1) for p in sharp[:1]),
+            (self.of_several_hands(p) for p in ripe[:2]),
+            (self.of_one_hand(p, 0) for p in by_probe),
+        )
+        return next((body for body in trials if body is not None), None)
+
+    def chain(self, part: int, most: int = 0) -> Bodies | None:
+        """The chain of a part alone, if one explains its touches.
+
+        Args:
+            part: which part.
+            most: chains that are looked at; all that the search gives if 0.
+        """
+        if self.chains.get(part) is not None or part in self.given_up:
+            return self.chains.get(part)
+        if len(self.rows[part]) >= _FEWEST and self.groups[part].num_kernels >= 8:
+            bodies = found_chains(self.search, self.groups[part], self.holding[part])
+            for body in itertools.islice(bodies, most or None):
+                if self._worth(body, part) > _SEED:
+                    self.chains[part] = body
+                    break
+        if not most:
+            self.given_up.add(part)
+        return self.chains.get(part)
+
+    def _worth(self, chain: Bodies, part: int) -> float:
+        some = self.scene.some(self.groups[part].rows)
+        alone = replace(some, ways={(part, 0): chain.ways[0][0]})
+        return explained(alone, started(alone, chain.twists[0], chain.points[0]), part)
+
+    def of_one_hand(self, part: int, most: int) -> Body | None:
+        """A body of one chain, of at most so many that are looked at."""
+        chain = self.chain(part, most)
+        if chain is None:
+            return None
+        way = chain.ways[0][0]
+        links = Links.of_chain(way, part)
+        return self.bundled(Body(links, chain.twists[0], chain.points[0], ((part, 0),)))
+
+    def of_several_hands(self, part: int) -> Body | None:
+        """A body of several chains that meet at a part, told apart by densities of their joints."""
+        group = self.groups[part]
+        cores = limbs(*self.statistic[part])
+        if len(cores) < 2:
+            return None
+        share = who_touched(self.search.q, group, cores)
+        chains = []
+        for limb, core in enumerate(cores):
+            sure = group.rows[(share.argmax(axis=1) == limb) & (share[:, limb] > _SURE)]
+            others = {joint for other in cores if other is not core for joint in other}
+            mine = [joint for joint in self.moving if joint not in others]
+            own = Group.of(sure, self.scene.target[sure])
+            if len(own.rows) < 300 or own.num_kernels < 8:
+                continue
+            chain = self._of_limb(own, mine, part)
+            if chain is not None:
+                chains.append((chain, own.rows))
+        if not chains:
+            return None
+        body = self.bundled(joined(self.scene, part, _disjoint(chains)))
+        some = self.scene.some(dense_rows(self.scene.target, self.rows[part], self.search.random))
+        some = replace(some, ways=body.ways())
+        enough = explained(some, started(some, body.twists, body.points), part) > _SEED
+        return body if enough else None
+
+    def _of_limb(self, own: Group, joints: list[int], part: int) -> Bodies | None:
+        for chain in found_chains(self.search, own, joints):
+            alone = replace(self.scene.some(own.rows), ways={(part, 0): chain.ways[0][0]})
+            solution = started(alone, chain.twists[0], chain.points[0])
+            if explained(alone, solution, part) > _SEED:
+                return chain
+        return None
+
+    def with_hung(self, body: Body, waiting: list[int]) -> Body | None:
+        """The body with those parts hung that need nothing new; None if there are none."""
+        added = False
+        for part in waiting:
+            best = hung(self._training(), body, part, self.search.random)
+            self.search.tick()
+            if best is not None and best[0] > _JOINS:
+                body, added = best[1], True
+        return self.bundled(body) if added else None
+
+    def with_attached(self, body: Body, waiting: list[int]) -> Body | None:
+        """The body with one part that brings new joints; None if there is none."""
+        # Parts that have a chain of their own come first: their new joints are known.
+        waiting = [part for part in waiting if self.groups[part].num_kernels >= 8]
+        for part in sorted(waiting, key=lambda p: (p not in self.chains, len(self.rows[p]))):
+            for bigger in self._attachments(body, part):
+                some = dense_rows(self.scene.target, self.rows[part], self.search.random)
+                tried = replace(self.scene.some(some), ways=bigger.ways())
+                if explained(tried, started(tried, bigger.twists, bigger.points), part) > _JOINS:
+                    return self.bundled(bigger)
+                bigger = self.bundled(bigger)
+                tried = replace(self.scene.some(some), ways=bigger.ways())
+                if explained(tried, started(tried, bigger.twists, bigger.points), part) > _JOINS:
+                    return bigger
+        return None
+
+    def _attachments(self, body: Body, part: int) -> list[Body]:
+        """Bodies with the part and its new joints, the best three of each kind."""
+        known = set(body.links.ends)
+        new = [joint for joint in self.holding[part] if joint not in known]
+        found: list[Body] = []
+        if (
+            part not in self.chains
+            and self.holding[part] != self.moving
+            and 0 < len(new) <= _MOST_NEW
+        ):
+            # Between the tree and the skin, whoever touched: those of other hands are outliers.
+            tried = attached(
+                self.search, self.scene, self.groups[part], body, part,
+                inner=new, outer=[], shared=None,
+            )[:3]  # fmt: skip
+            found += [self._with_all_hands(one, part) for one in tried]
+        chain = self.chain(part, 1)
+        if chain is None:
+            return found
+        order = order_of(chain.ways[0][0])
+        shared = [joint for joint in order if joint in known]
+        new = [joint for joint in order if joint not in known]
+        if not shared or len(new) > _MOST_NEW:
+            return found
+        middle = np.mean([order.index(joint) for joint in shared])
+        inner = [joint for joint in new if order.index(joint) < middle]
+        outer = [joint for joint in new if order.index(joint) > middle]
+        return found + attached(
+            self.search, self.scene, self.groups[part], body, part,
+            inner=inner, outer=outer, shared=shared,
+        )[:3]  # fmt: skip
+
+    def _with_all_hands(self, body: Body, part: int) -> Body:
+        """The body with every toucher that may have touched the part."""
+        pairs = [pair for pair in body.pairs if pair[0] != part]
+        touchers = [
+            u for u, link in body.links.toucher.items()
+            if len(body.links.way(body.links.part[part], link)) >= 3
+        ]  # fmt: skip
+        return replace(body, pairs=(*pairs, *((part, u) for u in touchers)))
+
+    def _training(self) -> Scene:
+        return self.scene.some(np.sort(np.concatenate(list(self.rows.values()))))
+
+    def bundled(self, body: Body) -> Body:
+        """The body after a few steps of least squares over all its parts."""
+        parts = set(body.links.part)
+        rows = [
+            self.search.random.permutation(self.rows[p])[: _BUNDLED // len(parts)] for p in parts
+        ]
+        scene = replace(self.scene.some(np.sort(np.concatenate(rows))), ways=body.ways())
+        solution = started(scene, body.twists, body.points)
+        solution = refined(scene, solution, steps=6, tick=self.search.tick)
+        return replace(body, twists=solution.twists, points=solution.points)
+
+
+def _disjoint(chains: list[tuple[Bodies, np.ndarray]]) -> list[tuple[Bodies, np.ndarray]]:
+    """Chains without the joints of sharper ones, the sharpest first."""
+    known: set[int] = set()
+    kept = []
+    for chain, rows in sorted(chains, key=lambda one: float(one[0].loss.sum())):
+        joints = set(order_of(chain.ways[0][0]))
+        if not joints & known:
+            kept.append((chain, rows))
+            known |= joints
+    return kept
