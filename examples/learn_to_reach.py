@@ -28,7 +28,7 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import pilot_in
-from selftouch_drake.envs.goals import REACHED, likeness, unit
+from selftouch_drake.envs.goals import REACHED, likeness, unit_goal
 from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run import stages
@@ -164,7 +164,7 @@ def score_agent(num_tasks):
         except NoWayError:
             reached.append(False)
             continue
-        felt = unit(world.probe.sensations(motion.q[-1:])[0])
+        felt = unit_goal(world.probe.sensations(motion.q[-1:])[0])
         reached.append(likeness(felt, goal) >= REACHED)
         takes.append(motion.time_s[-1])
     return np.mean(reached), np.median(takes), learned_s

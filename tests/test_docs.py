@@ -149,7 +149,7 @@ def programs() -> Iterator[object]:
     """Every Python program of the pages; those that read raw readings have a test of their own."""
     for page in PAGES:
         for number, program in enumerate(blocks(TEXTS[page], "python")):
-            if page.name != "gymnasium.md" and "felt_touches" not in program:
+            if page.name != "gymnasium.md" and "find_touches" not in program:
                 slow = [pytest.mark.slow] if "KMeans" in program or page.parent == ROOT else []
                 yield pytest.param(page, number, marks=slow, id=f"{page.stem}-{number}")
 

@@ -24,7 +24,7 @@ import numpy as np
 import trimesh
 
 from selftouch_drake.bodies.drake import DrakeBody
-from selftouch_drake.calibration.contacts import Contacts
+from selftouch_drake.calibration.contacts import ModelledTouches
 from selftouch_drake.calibration.least_squares import calibrate
 from selftouch_drake.calibration.model import read_kinematics
 from selftouch_drake.experience.collect import random_walk
@@ -83,7 +83,7 @@ def measure(name: str, seed: int, exchange: bool) -> dict[str, float]:
     placed = strong.sum(axis=0) >= 4
     touched = sensation[:, placed].any(axis=1)
     felt = sensation[np.ix_(touched, placed)].astype(float)
-    contacts = Contacts(
+    contacts = ModelledTouches(
         kinematics,
         columns,
         q[touched] - offsets,

@@ -19,17 +19,17 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.evaluation.shape import shape_rms_fraction
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.experiment.schema import Reading
+from selftouch_drake.experiment.schema import ReadingSettings
 from selftouch_drake.quotient.graph import DisconnectedWarning
 from selftouch_drake.robot import World
-from selftouch_drake.robot.readings import readings
+from selftouch_drake.robot.readings import read_forces
 
 #: N; about a tenth of the largest force on a receptor of a firm touch.
 THRESHOLD = 0.1
 READINGS = {
-    "pressure": Reading(),
-    "binary": Reading(mode="binary", threshold=THRESHOLD),
-    "counts, 4 bits": Reading(mode="counts", bits=4, full_scale=3.0),
+    "pressure": ReadingSettings(),
+    "binary": ReadingSettings(mode="binary", threshold=THRESHOLD),
+    "counts, 4 bits": ReadingSettings(mode="counts", bits=4, full_scale=3.0),
 }
 #: Widths of the receptive fields, as `field_width` has them.
 WIDTHS = {"overlap": 1.0, "gaps": 0.5}
@@ -104,7 +104,7 @@ def main() -> None:
                     force = world.probe.sensations(q)
                 for name in given.readings:
                     began = time.process_time()
-                    read = readings(force, READINGS[name])
+                    read = read_forces(force, READINGS[name])
                     row = {"shape": shape, "fields": width, "reading": name}
                     row |= measured(q, read, place, world, given.targets, experiment.seed)
                     row["CPU s"] = f"{time.process_time() - began:.0f}"

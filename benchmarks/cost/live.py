@@ -37,7 +37,7 @@ def main() -> None:
     run = RunDirectory.open(given.run)
     data, meshcat = RunData(run), open_meshcat()
     pilot = pilot_in(DrakeBodies(data.world), load_agent(run), run.experiment)
-    pilot.get_ready()
+    pilot.prepare_queries()
     show = LiveShow(meshcat, data, pilot)
     with sync_playwright() as driver:
         if not given.no_browser:

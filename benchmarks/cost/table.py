@@ -202,7 +202,7 @@ def query_row(run: RunDirectory, num_pairs: int, *, alone: bool = False) -> Row:
     """Queries, including the first, beside OMPL with the true model unless `alone`."""
     world, agent = stages.make_world(run), load_agent(run)
     pilot = pilot_in(stages.run_bodies(run), agent, run.experiment)
-    pilot.get_ready()
+    pilot.prepare_queries()
     asked = questions(run, agent.representation, num_pairs)
 
     def plan(question: Question) -> None:

@@ -43,13 +43,13 @@ from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
 from sklearn.neural_network import MLPRegressor
 
-from selftouch_drake.agent.calibration import felt_touches
+from selftouch_drake.agent.calibration import find_touches
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.quotient.sensations import assign
-from selftouch_drake.run.judged import find_recording, judge
+from selftouch_drake.run.judged import find_recording, judge_submission
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
@@ -204,7 +204,7 @@ class Touches:
         self.path, self.size = path, size
         self.rows, self.q, self.felt = np.arange(len(q)), q, sensation
         if sensation.dtype.kind in "iu":
-            felt = felt_touches(q, sensation)
+            felt = find_touches(q, sensation)
             self.rows, self.q, self.felt = felt.rows, felt.q, felt.sensation
         began, seed = time.process_time(), options.seed
         sizes = {"num_targets": options.targets, "max_kernel_size": 1000}
@@ -294,7 +294,7 @@ def row(
     if handed is not None:
         with tempfile.TemporaryDirectory() as folder:
             save_arrays(Path(folder) / "handed_in.npz", handed)
-            found = judge(Path(folder) / "handed_in.npz", str(touches.path))
+            found = judge_submission(Path(folder) / "handed_in.npz", str(touches.path))
     betti = list(
         zip(
             found.get("topology_betti_by_part", []),

@@ -143,7 +143,7 @@ class Calibration(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Felt:
+class FoundTouches:
     """The touches of a recording.
 
     Attributes:
@@ -231,13 +231,13 @@ def calibrate(
     return found
 
 
-def felt_touches(
+def find_touches(
     q: np.ndarray,
     readings: np.ndarray,
     *,
     filtering: str | None = None,
     **known: Any,
-) -> Felt:
+) -> FoundTouches:
     """Finds the touches in a recording of raw readings.
 
     Args:
@@ -291,7 +291,7 @@ def felt_touches(
     null = np.setdiff1d(np.arange(len(readings)), rows, assume_unique=True)
     fading = _fading(rows, pressure.sum(axis=1, dtype=float)) & successive
     rows, pressure = rows[~fading], pressure[~fading]
-    return Felt(
+    return FoundTouches(
         rows=rows,
         q=q[rows],
         sensation=pressure,

@@ -18,7 +18,7 @@ from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.planner import checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice import NoWayError, learn_from, practise
-from selftouch_drake.agent.rehearsal import Try, judge
+from selftouch_drake.agent.rehearsal import Try, judged_try
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
 from selftouch_drake.quotient.plan import Limits
@@ -77,7 +77,7 @@ class Pilot:
         self.practice = body if practice is None else practice
         self._seed, self._touch_servo = seed, touch_servo
 
-    def get_ready(self) -> None:
+    def prepare_queries(self) -> None:
         """Prepares everything that queries need, so that the first one takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
             plan = self.agent.tour(edge)
@@ -189,7 +189,7 @@ class Pilot:
                 tries.append(known)
             else:
                 execution, _ = self.execute(query.motion)
-                tries.append(judge(execution, self.agent.representation))
+                tries.append(judged_try(execution, self.agent.representation))
             self.agent = learn_from(tries[-1], query.agent, self._slider)
         return tries
 

@@ -39,7 +39,7 @@ def reached(motion: Motion, felt: np.ndarray, representation: QuotientRepresenta
     return motion.plan.goal in felt_kernels(representation, felt[-1])
 
 
-def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
+def judged_try(execution: Execution, representation: QuotientRepresentation) -> Try:
     """Judges an executed plan by the sensations along it; it was made with this representation."""
     motion = execution.motion
     lost = motion.touching & ~execution.felt.any(axis=1)

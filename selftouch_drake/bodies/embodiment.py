@@ -101,7 +101,7 @@ def body_of(experiment: Experiment, fingerprint: str) -> Body:
     return bodies_of(experiment, fingerprint).babbling
 
 
-def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
+def compile_for_babbling(experiment: Experiment, fingerprint: str, number: int) -> None:
     """Has a worker build its body, and compile what walks need.
 
     Two workers, of numbers 0 and 1, compile different functions first, and find the others

@@ -19,7 +19,7 @@ _AROUND = 14
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class ModelledTouches:
     """n touches of a skin by a ball.
 
     Attributes:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import coo_array, csr_array, hstack
 
-from selftouch_drake.calibration.contacts import Contacts
+from selftouch_drake.calibration.contacts import ModelledTouches
 
 #: Readings below this share of a touch's strongest lie where a skin has turned away.
 _LEAST_READING = 0.06
@@ -65,7 +65,7 @@ class Calibrated:
 class _Problem:
     """Residuals of pairs of a touch and a receptor that feels it: readings, then heights."""
 
-    contacts: Contacts
+    contacts: ModelledTouches
     touch: np.ndarray
     receptor: np.ndarray
     reading: np.ndarray
@@ -138,7 +138,7 @@ class _Problem:
         return hstack([csr_array(np.stack(shared, axis=1)), places, firmness]).tocsr()
 
 
-def calibrate(contacts: Contacts, sensation: np.ndarray) -> Calibrated:
+def calibrate(contacts: ModelledTouches, sensation: np.ndarray) -> Calibrated:
     """Finds places of receptors in metres, and offsets of joints.
 
     Args:

@@ -173,9 +173,9 @@ def score(file: Path, recording: str, as_json: bool) -> None:
     FILE is an .npz archive with one of `touch_places` (a row for each touch), `receptor_places` and
     `distances`, and if you like `rows`, `parts` and `plans`. The figures are those of `evaluate`.
     """
-    from selftouch_drake.run.judged import judge
+    from selftouch_drake.run.judged import judge_submission
 
-    found = judge(file, recording)
+    found = judge_submission(file, recording)
     if as_json:
         import json
 
@@ -189,9 +189,9 @@ def _print_metrics(found: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from selftouch_drake.run.metrics import readings
+    from selftouch_drake.run.metrics import metric_texts
 
     table = Table("metric", "value", "target")
-    for reading in itertools.chain(*readings(found).values()):
+    for reading in itertools.chain(*metric_texts(found).values()):
         table.add_row(reading.name, reading.value, reading.metric.target)
     Console().print(table)

@@ -177,7 +177,7 @@ def _get_ready_to_evaluate(directory: "RunDirectory", executor: "Executor") -> N
     from selftouch_drake.run.executors import InTurn
 
     if directory.experiment.has_truth and not isinstance(executor, InTurn):
-        executor.submit(stages.get_ready, directory)
+        executor.submit(stages.compile_for_evaluation, directory)
 
 
 def _print_headline(directory: "RunDirectory") -> None:

@@ -99,9 +99,9 @@ def _get_workers_ready(
     executor: "Executor", experiment: "Experiment", digests: dict[str, str]
 ) -> None:
     """Lets two workers load Drake and build the bodies while this process does the same."""
-    from selftouch_drake.bodies.embodiment import get_ready
+    from selftouch_drake.bodies.embodiment import compile_for_babbling
     from selftouch_drake.run.fingerprint import experience_fingerprint
 
     fingerprint = experience_fingerprint(experiment, digests)
     for number in range(2):
-        executor.submit(get_ready, experiment.after(0), fingerprint, number)
+        executor.submit(compile_for_babbling, experiment.after(0), fingerprint, number)

@@ -148,7 +148,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
             ValueError: the action has another shape, or is not finite.
         """
         start = self._simulation.q_commanded
-        moved = start + self._step_size * shares(action, self.action_space)
+        moved = start + self._step_size * checked_action(action, self.action_space)
         way = moved.clip(*self._range) - start
         felt = []
         # Computed as Drake counts its steps, so that all periods have the same number of steps.
@@ -302,7 +302,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return PostureCamera(self.world)
 
 
-def shares(action: np.ndarray, space: Space) -> np.ndarray:
+def checked_action(action: np.ndarray, space: Space) -> np.ndarray:
     """Actions from -1 to 1; a ValueError if they have another shape, or are not finite."""
     action = np.asarray(action, dtype=float)
     if action.shape != space.shape or not np.isfinite(action).all():

@@ -68,9 +68,9 @@ class ReachEnv(SelfTouchEnv):
     ) -> np.ndarray:
         """The goal of an episode; in a random one, the given pairs touch."""
         if "goal" in options:
-            return unit(options["goal"])
+            return unit_goal(options["goal"])
         _, touches = self._firm_touches.next(self.np_random, pairs)
-        return unit(touches.sensation[0])
+        return unit_goal(touches.sensation[0])
 
     @cached_property
     def _firm_touches(self) -> FirmTouches:
@@ -82,10 +82,14 @@ class ReachEnv(SelfTouchEnv):
 
     def _observation(self) -> Observation:
         plain = super()._observation()
-        return {**plain, "achieved_goal": unit(plain["touch"]), "desired_goal": self._goal.copy()}
+        return {
+            **plain,
+            "achieved_goal": unit_goal(plain["touch"]),
+            "desired_goal": self._goal.copy(),
+        }
 
     def _info(self) -> dict[str, Any]:
-        found = float(likeness(unit(self._felt), self._goal))
+        found = float(likeness(unit_goal(self._felt), self._goal))
         return {**super()._info(), "likeness": found, "is_success": found >= REACHED}
 
 
@@ -120,7 +124,7 @@ class SlideEnv(ReachEnv):
         return reward, not felt.any(axis=1).all()
 
 
-def unit(sensation: np.ndarray) -> np.ndarray:
+def unit_goal(sensation: np.ndarray) -> np.ndarray:
     """`(..., S)` float32 of unit L2 norm; zero where nothing is felt."""
     norm = np.linalg.norm(sensation, axis=-1, keepdims=True)
     return (sensation / np.where(norm > 0, norm, 1.0)).astype(np.float32).clip(0.0, 1.0)

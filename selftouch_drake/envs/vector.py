@@ -8,8 +8,14 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from selftouch_drake.envs.environment import PERIOD_S, Observation, SelfTouchEnv, Truth, shares
-from selftouch_drake.envs.goals import REACHED, ReachEnv, SlideEnv, likeness, unit
+from selftouch_drake.envs.environment import (
+    PERIOD_S,
+    Observation,
+    SelfTouchEnv,
+    Truth,
+    checked_action,
+)
+from selftouch_drake.envs.goals import REACHED, ReachEnv, SlideEnv, likeness, unit_goal
 from selftouch_drake.robot.imperfections import remembered, slip
 
 _TASKS = {"": SelfTouchEnv, "Reach": ReachEnv, "Slide": SlideEnv}
@@ -113,7 +119,7 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         Raises:
             ValueError: the actions have another shape, or are not finite.
         """
-        wanted = self._q + self._one._step_size * shares(actions, self.action_space)
+        wanted = self._q + self._one._step_size * checked_action(actions, self.action_space)
         before, moving = self._q, ~self._ended
         self._q = self._as_far_as_possible(wanted.clip(*self._one._range))
         self._v = (self._q - before) / self._one.period_s
@@ -181,7 +187,7 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
             "touch": self._one._within("touch", felt),
         }
         if isinstance(self._one, ReachEnv):
-            observation["achieved_goal"] = unit(observation["touch"])
+            observation["achieved_goal"] = unit_goal(observation["touch"])
             observation["desired_goal"] = self._goal.copy()
         return observation, felt > 0
 

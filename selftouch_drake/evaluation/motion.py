@@ -93,7 +93,7 @@ def summarise(scores: Sequence[MotionScore | None], prefix: str) -> dict[str, fl
     }
 
 
-def calibration(errors: list[np.ndarray]) -> dict[float, float]:
+def share_within_scale(errors: list[np.ndarray]) -> dict[float, float]:
     """Checks predicted uncertainty: the share of errors within bands of half and 90 % of them.
 
     The factor from spread to band is learned from the first half of the motions, such that it holds

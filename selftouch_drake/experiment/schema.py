@@ -43,7 +43,7 @@ WITHOUT = {
     "imported": (*_OF_ROBOT, "execution", "evaluation", "python", "gymnasium"),
 }
 # The field that may stand for all settings of its kind, as in `surface: collision`.
-_ALONE = {"SurfaceSettings": "shape", "Reading": "mode", "ReceptorFile": "file"}
+_ALONE = {"SurfaceSettings": "shape", "ReadingSettings": "mode", "ReceptorFile": "file"}
 
 
 def _number(value: Any) -> Any:
@@ -214,7 +214,7 @@ class Imperfections(Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Reading(Settings):
+class ReadingSettings(Settings):
     """What a skin reports of the force on each receptor."""
 
     # `pressure`: the force. `binary`: whether it reaches a threshold. `counts`: whole numbers, as
@@ -288,7 +288,7 @@ class Skin(Settings):
     field_width: Annotated[Number, Field(ge=0.2, le=3)] = 1.0
     imperfections: Imperfections = field(default_factory=Imperfections)
     # What is reported of the forces, after imperfections.
-    reading: Reading = field(default_factory=Reading)
+    reading: ReadingSettings = field(default_factory=ReadingSettings)
 
     @model_validator(mode="after")
     def _has_a_number(self) -> Self:

@@ -105,9 +105,9 @@ class SensorModel:
         self._toucher_of |= {g: len(touchers) + skin for g, skin in self._skin_of.items()}
         ends = np.cumsum([0, *(model.fields.num_receptors for model in self._models)]).tolist()
         #: The slice of a sensation that holds the readings of each skin.
-        self.readings = [slice(a, b) for a, b in itertools.pairwise(ends)]
+        self.columns_of_skin = [slice(a, b) for a, b in itertools.pairwise(ends)]
         #: S, number of receptors of all skins together.
-        self.num_receptors = self.readings[-1].stop
+        self.num_receptors = self.columns_of_skin[-1].stop
 
     def touches(self, surfaces: Iterable[tuple[int, Faces]], X_WL: np.ndarray) -> "Touches":
         """The touches that contact surfaces cause at N instants.
@@ -138,7 +138,7 @@ class SensorModel:
             if (skin := self._skin_of.get(pressed)) is None:
                 continue
             if skin not in self._soft:
-                first = self.readings[skin].start
+                first = self.columns_of_skin[skin].start
                 self._soft[skin] = soft_skin(self._models[skin], first)
             X, total = np.ascontiguousarray(X_WL[skin]), np.zeros(4)
             press_faces(self._soft[skin], faces.centroid, faces.force, X, felt, total)

@@ -8,8 +8,8 @@ from scipy.sparse import csr_matrix
 from scipy.special import ndtri
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.experiment.schema import Imperfections, Reading, SkinChange
-from selftouch_drake.robot.readings import readings
+from selftouch_drake.experiment.schema import Imperfections, ReadingSettings, SkinChange
+from selftouch_drake.robot.readings import read_forces
 from selftouch_drake.robot.skins import SkinModel
 
 # In standard deviations of the additive noise; see `Imperfections.threshold`.
@@ -68,7 +68,7 @@ class ImperfectSkin:
     """
 
     flaws: Imperfections
-    reading: Reading
+    reading: ReadingSettings
     leak: csr_matrix
     source: np.ndarray
     alive: np.ndarray
@@ -146,7 +146,7 @@ class ImperfectSkin:
         read[(read < self.threshold) | (read < 0)] = 0.0
         read = read[:, self.source]
         read[:, ~self.alive] = 0.0
-        return readings(read, self.reading, before)
+        return read_forces(read, self.reading, before)
 
 
 def _rewire(

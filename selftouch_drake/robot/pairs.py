@@ -18,7 +18,7 @@ from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
-from selftouch_drake.experiment.schema import Reading
+from selftouch_drake.experiment.schema import ReadingSettings
 from selftouch_drake.robot.kinematics import TreeJoint, joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
@@ -43,7 +43,7 @@ class WornSkin:
     model: SkinModel
     link: RigidBody
     geometry_id: GeometryId
-    reading: Reading
+    reading: ReadingSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

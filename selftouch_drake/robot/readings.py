@@ -7,10 +7,12 @@ This is the one place where forces become readings, for kinematic and dynamic wo
 
 import numpy as np
 
-from selftouch_drake.experiment.schema import Reading
+from selftouch_drake.experiment.schema import ReadingSettings
 
 
-def readings(force: np.ndarray, reading: Reading, before: np.ndarray | None = None) -> np.ndarray:
+def read_forces(
+    force: np.ndarray, reading: ReadingSettings, before: np.ndarray | None = None
+) -> np.ndarray:
     """What is reported of forces.
 
     Args:

@@ -26,7 +26,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from selftouch_drake.experiment import ExperimentError, Skin, skins_from_fields
 from selftouch_drake.experiment.loading import load_skins, yaml_sections
-from selftouch_drake.experiment.schema import Imperfections, Reading
+from selftouch_drake.experiment.schema import Imperfections, ReadingSettings
 from selftouch_drake.geometry.hollow import vtk_text
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
@@ -94,7 +94,7 @@ def RegisterSkin(
     *,
     visible: bool = True,
     soft: bool = True,
-    reading: Reading | None = None,
+    reading: ReadingSettings | None = None,
 ) -> WornSkin:
     """Gives the link of a skin its geometry, before the plant is finalized.
 
@@ -136,7 +136,9 @@ def RegisterSkin(
         plant.RegisterVisualGeometry(
             link, RigidTransform(), shape, f"{name}_visual", np.array(_COLOR.rgba)
         )
-    return WornSkin(model=model, link=link, geometry_id=geometry_id, reading=reading or Reading())
+    return WornSkin(
+        model=model, link=link, geometry_id=geometry_id, reading=reading or ReadingSettings()
+    )
 
 
 def AddModelsAndSkins(

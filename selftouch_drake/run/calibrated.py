@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.bodies.embodiment import build_world
-from selftouch_drake.calibration.contacts import Contacts
+from selftouch_drake.calibration.contacts import ModelledTouches
 from selftouch_drake.calibration.least_squares import Calibrated, calibrate
 from selftouch_drake.calibration.model import CalibrationError, read_kinematics
 from selftouch_drake.files import write_csv, write_text_whole
@@ -60,7 +60,7 @@ def calibrate_run(
         raise CalibrationError(
             f"{path} has {len(q)} touches of this skin; give a run with {_LEAST_TOUCHES} or more"
         )
-    contacts = Contacts(
+    contacts = ModelledTouches(
         kinematics, columns, q, radius, sensation.sum(axis=1), np.zeros(len(joints))
     )
     found = calibrate(contacts, sensation)

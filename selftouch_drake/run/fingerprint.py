@@ -13,14 +13,14 @@ from typing import Any
 
 from selftouch_drake.bodies.own import body_files
 from selftouch_drake.experiment import Experiment, ExperimentError, shown
-from selftouch_drake.experiment.schema import Reading
+from selftouch_drake.experiment.schema import ReadingSettings
 from selftouch_drake.files import content_digest
 
 # The fields of `execution` that decide how the joints follow the walk.
 _CONTROLLER = ("time_step", "stiffness", "damping")
 
 # Fields that older versions did not know, with their defaults.
-_NEWER_OF_SKINS = {"receptors": None, "reading": dataclasses.asdict(Reading())}
+_NEWER_OF_SKINS = {"receptors": None, "reading": dataclasses.asdict(ReadingSettings())}
 _NEWER_OF_BABBLING = {"strategy": "random", "jumps": True, "robot_hours": None, "seek": "receptors"}
 
 #: SHA-256 of the content of each file that decides the robot and its skins, by its path.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.calibration import Felt, felt_touches
+from selftouch_drake.agent.calibration import FoundTouches, find_touches
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.pilot import RATE_HZ
 from selftouch_drake.agent.planning.timing import time_path
@@ -51,7 +51,7 @@ class Data:
 
     source: Path
     recording: Recording
-    felt: Felt
+    felt: FoundTouches
 
     @property
     def still(self) -> list[str]:
@@ -66,7 +66,7 @@ class Data:
 
 
 def read_data(source: Path, **how: Any) -> Data:
-    """Reads a recording as `read_recording` and finds the touches in it as `felt_touches`.
+    """Reads a recording as `read_recording` and finds the touches in it as `find_touches`.
 
     Raises:
         FileNotFoundError: there is no recording.
@@ -74,7 +74,7 @@ def read_data(source: Path, **how: Any) -> Data:
     """
     settings = {name: how.pop(name) for name in _OF_TOUCHES if name in how}
     recording = read_recording(source, **how)
-    felt = felt_touches(recording.q, recording.readings, **settings)
+    felt = find_touches(recording.q, recording.readings, **settings)
     return Data(source=source.resolve(), recording=recording, felt=felt)
 
 
@@ -194,7 +194,7 @@ def write_trajectory(path: Path, motion: Motion, joints: list[str]) -> None:
     write_csv(path, names, ([f"{number:.9g}" for number in row] for row in rows))
 
 
-def _content(felt: Felt) -> str:
+def _content(felt: FoundTouches) -> str:
     digest = hashlib.sha256()
     for array in (felt.rows, felt.q.astype(np.float32), felt.sensation):
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -44,7 +44,7 @@ _SAMPLED = 0.01
 Arrays = Mapping[str, np.ndarray]
 
 
-def judge(file: Path, recording: str) -> dict[str, Any]:
+def judge_submission(file: Path, recording: str) -> dict[str, Any]:
     """Metrics of what a method hands in for a recording, as `metrics.json` names them.
 
     Args:

@@ -42,7 +42,7 @@ BY_KEY = {metric.key: metric for metric in METRICS}
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class MetricText:
     """One metric of a run, as text.
 
     Attributes:
@@ -117,23 +117,23 @@ def keys_of(*stages: str) -> frozenset[str]:
     return frozenset(metric.key for metric in METRICS if metric.stage in stages)
 
 
-def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
+def metric_texts(metrics: Mapping[str, Any]) -> dict[str, list[MetricText]]:
     """All metrics of a run by section, in order, unknown ones last; no section is empty.
 
     They are as `RunDirectory.metrics` returns them.
     """
-    found: dict[str, list[Reading]] = {}
+    found: dict[str, list[MetricText]] = {}
     unknown = [Metric("Others", "", key, "", "", "") for key in metrics if key not in BY_KEY]
     for metric in (*METRICS, *unknown):
         if metric.key in metrics:
-            reading = _reading(metric, metrics, metric.key)
+            reading = _metric_text(metric, metrics, metric.key)
             found.setdefault(metric.section, []).append(reading)
     return found
 
 
-def tiles(metrics: Mapping[str, Any]) -> list[Reading]:
+def tiles(metrics: Mapping[str, Any]) -> list[MetricText]:
     """What the agent of a run knows of its body, as far as it is known."""
-    return [_reading(BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
+    return [_metric_text(BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
 
 
 def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
@@ -147,8 +147,8 @@ def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
     return rows
 
 
-def _reading(metric: Metric, metrics: Mapping[str, Any], name: str) -> Reading:
-    return Reading(name, _text(metrics[metric.key], metric.unit), metric)
+def _metric_text(metric: Metric, metrics: Mapping[str, Any], name: str) -> MetricText:
+    return MetricText(name, _text(metrics[metric.key], metric.unit), metric)
 
 
 def _text(value: Any, unit: str) -> str:

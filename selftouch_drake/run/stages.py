@@ -20,7 +20,7 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.rehearsal import Try, best, judge
+from selftouch_drake.agent.rehearsal import Try, best, judged_try
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
 from selftouch_drake.bodies.living import LivingBody
@@ -238,7 +238,7 @@ def _learn_quotient(
     return representation
 
 
-def get_ready(run: RunDirectory) -> None:
+def compile_for_evaluation(run: RunDirectory) -> None:
     """Has an idle worker do all that `evaluate` needs in small, so that numba compiles it."""
     bodies = run_bodies(run)
     sensation, q = next(run.touches().touches())
@@ -325,7 +325,7 @@ def execute(run: RunDirectory, *targets: int | str) -> Try:
     pilot = pilot_in(run_bodies(run), agent, run.experiment)
     execution, _ = pilot.execute(load_motion(run, *targets))
     save_plan(run, execution, *targets)
-    return judge(execution, agent.representation)
+    return judged_try(execution, agent.representation)
 
 
 def rehearse(run: RunDirectory, start: int, goal: int, max_tries: int) -> list[Try]:

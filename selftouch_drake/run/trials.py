@@ -19,16 +19,16 @@ from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.practice import NoWayError
-from selftouch_drake.agent.rehearsal import Try, best, judge
+from selftouch_drake.agent.rehearsal import Try, best, judged_try
 from selftouch_drake.bodies.drake import DrakeFelt, DrakeFollowed
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
 from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
 from selftouch_drake.evaluation.motion import (
     MotionScore,
-    calibration,
     jerk_reduction,
     random_pairs,
     score_motion,
+    share_within_scale,
     summarise,
 )
 from selftouch_drake.evaluation.paths import OwnPaths, TruePaths
@@ -115,7 +115,7 @@ class FirstTries:
         self.agent = pilot.agent.recalling(RehearsalMemory.blank(representation))
         self._pilot, self._still = pilot, bodies.still
         pilot.agent = self.agent
-        pilot.get_ready()
+        pilot.prepare_queries()
         world = bodies.world
         self._judge = None if world is None else ExecutionJudge(world)
         self._own = OwnPaths(representation)
@@ -153,7 +153,7 @@ class FirstTries:
             impossible_planned=impossible,
             truth=truth,
         )
-        return first, judge(execution, representation)
+        return first, judged_try(execution, representation)
 
     def _over_shortest(
         self, motion: Motion, felt: Felt | None
@@ -297,7 +297,7 @@ def _planning_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
 
 def _execution_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
     """Metrics of practised plans under dynamics."""
-    within = calibration([trial.errors for trial in trials])
+    within = share_within_scale([trial.errors for trial in trials])
     return {
         "execution_num_pairs": len(trials),
         **summarise([trial.executed for trial in trials], "execution"),

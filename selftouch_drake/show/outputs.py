@@ -92,7 +92,7 @@ def play(
     agent = load_agent(run)
     data = RunData(run)
     pilot = pilot_in(run_bodies(run), agent, run.experiment)
-    pilot.get_ready()
+    pilot.prepare_queries()
     with shown_page(f"{run.experiment.name}, live", port, announce) as meshcat:
         show = LiveShow(meshcat, data, pilot, announce)
         while not show.ended:

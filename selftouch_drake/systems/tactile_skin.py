@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.faces import FaceReader
 from selftouch_drake.robot.pairs import WornSkin
-from selftouch_drake.robot.readings import readings
+from selftouch_drake.robot.readings import read_forces
 from selftouch_drake.robot.skin_registration import leave_neighbours_out
 
 
@@ -67,7 +67,7 @@ class TactileSkin(LeafSystem):
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self._readings = [skin.reading for skin in skins]
         self.DeclareVectorOutputPort("sensation", self._sensor.num_receptors, self._calc_sensation)
-        for skin, columns in zip(skins, self._sensor.readings, strict=True):
+        for skin, columns in zip(skins, self._sensor.columns_of_skin, strict=True):
             name, size = f"{skin.model.name}_sensation", skin.model.fields.num_receptors
             self.DeclareVectorOutputPort(name, size, partial(self._calc_part, columns))
 
@@ -123,8 +123,8 @@ class TactileSkin(LeafSystem):
             X_WL = np.array([poses[link].GetAsMatrix34() for link in self._links])
             for faces in surfaces:
                 self._sensor.press(faces, X_WL, force)
-        for columns, reading in zip(self._sensor.readings, self._readings, strict=True):
-            force[columns] = readings(force[columns], reading)
+        for columns, reading in zip(self._sensor.columns_of_skin, self._readings, strict=True):
+            force[columns] = read_forces(force[columns], reading)
         output.SetFromVector(force)
 
     def _warn_of_points(self, contact: ContactResults) -> None:

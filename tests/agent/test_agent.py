@@ -7,7 +7,7 @@ from skins import SHAPES, readings, receptors, touch
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import NO_KERNEL, Execution
-from selftouch_drake.agent.rehearsal import judge
+from selftouch_drake.agent.rehearsal import judged_try
 from selftouch_drake.agent.representation.touches import felt_kernels
 
 NUM_ROWS = 40_000
@@ -79,7 +79,7 @@ def test_planned_motions_stay_on_the_skin_and_feel_as_predicted(agent):
         start, goal = on_part(agent, seed % 2, 2, seed)
         execution = carried_out(agent, agent.plan(start, goal))
         assert execution.contact > 0.9
-        one = judge(execution, agent.representation)
+        one = judged_try(execution, agent.representation)
         assert one.reached
         felt, predicted = execution.felt, execution.motion.predicted
         rows = felt.any(axis=1)
@@ -107,7 +107,7 @@ def test_between_parts_the_agent_lifts_off_and_lands_again(agent):
     assert execution.motion.predicted[touching].any(axis=1).all()
     # Steps in the air do not count as lost contact.
     assert execution.contact > 0.9 > execution.felt.any(axis=1).mean()
-    assert judge(execution, agent.representation).reached
+    assert judged_try(execution, agent.representation).reached
 
 
 def test_a_tour_may_leave_a_part_and_come_back(agent):

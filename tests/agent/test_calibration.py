@@ -8,7 +8,7 @@ from selftouch_drake.agent.calibration import (
     Calibration,
     RestlessWarning,
     calibrate,
-    felt_touches,
+    find_touches,
 )
 
 NUM_ROWS, NUM_RECEPTORS = 12_000, 100
@@ -21,7 +21,7 @@ def recording():
 
 @pytest.fixture(scope="module")
 def felt(recording):
-    return felt_touches(recording.q, recording.raw)
+    return find_touches(recording.q, recording.raw)
 
 
 def touched(recording):
@@ -38,7 +38,7 @@ def test_pressures_pass_as_they_are(recording):
     order = np.random.default_rng(0).permutation(NUM_ROWS)
     for rows in (order, np.arange(NUM_ROWS)):
         force = recording.force[rows]
-        found = felt_touches(recording.q[rows], force)
+        found = find_touches(recording.q[rows], force)
         np.testing.assert_array_equal(found.rows, np.flatnonzero(force.any(axis=1)))
         np.testing.assert_array_equal(found.sensation, force[found.rows])
         np.testing.assert_array_equal(found.q, recording.q[rows][found.rows])
@@ -74,18 +74,18 @@ def test_drift_is_followed():
     drifting = raw + np.linspace(0, 60, NUM_ROWS)[:, None]
     q = np.random.default_rng(0).normal(size=(NUM_ROWS, 3))
     with pytest.raises(ValueError, match="nothing is felt in 12000 rows"):
-        felt_touches(q, drifting, threshold=30.0)
+        find_touches(q, drifting, threshold=30.0)
     # With one constant offset, the drift is mistaken for touches.
     with pytest.warns(RestlessWarning, match="half of the receptors feel something"):
-        felt_touches(q, drifting, threshold=20.0, offset=30.0)
+        find_touches(q, drifting, threshold=20.0, offset=30.0)
 
 
 def test_readings_may_fall_with_pressure(recording, felt):
-    falling = felt_touches(recording.q, 255 - recording.raw)
+    falling = find_touches(recording.q, 255 - recording.raw)
     assert not falling.calibration.rising
     np.testing.assert_array_equal(falling.rows, felt.rows)
     np.testing.assert_allclose(falling.sensation, felt.sensation)
-    wrong = felt_touches(recording.q, recording.raw, rising=False)
+    wrong = find_touches(recording.q, recording.raw, rising=False)
     assert not wrong.calibration.rising
     # Below rest there are spikes alone, and the median of three leaves hardly any.
     assert wrong.calibration.smoothed
@@ -96,7 +96,7 @@ def test_touches_of_one_row_are_no_spikes(recording):
     """A fast finger on a skin without spikes touches for one row only."""
     brief = recording.force * (np.arange(NUM_ROWS) % 7 == 0)[:, None]
     skin = RawSkin(NUM_RECEPTORS, float(brief.max()), NUM_ROWS, spikes=0.0)
-    found = felt_touches(recording.q, skin.read(brief))
+    found = find_touches(recording.q, skin.read(brief))
     assert not found.calibration.smoothed
     assert found.num_lone == 0
     firm = np.flatnonzero(brief.max(axis=1) > 0.5)
@@ -110,7 +110,7 @@ def test_a_touch_that_few_receptors_feel_is_no_spike(recording, width):
     num_felt = np.count_nonzero(force, axis=1)
     assert np.mean(num_felt[num_felt > 0] <= 4) > 0.95
     raw = RawSkin(NUM_RECEPTORS, 1.0, NUM_ROWS, spikes=0.0).read(force)
-    found = felt_touches(recording.q, raw)
+    found = find_touches(recording.q, raw)
     assert not found.calibration.spikes
     assert found.num_lone == 0
     firm = force.max(axis=1) > 0.2
@@ -120,7 +120,7 @@ def test_a_touch_that_few_receptors_feel_is_no_spike(recording, width):
 
 def test_spikes_are_told_from_touches_that_few_receptors_feel(recording):
     force = narrow(recording, 0.35)
-    found = felt_touches(recording.q, RawSkin(NUM_RECEPTORS, 1.0, NUM_ROWS).read(force))
+    found = find_touches(recording.q, RawSkin(NUM_RECEPTORS, 1.0, NUM_ROWS).read(force))
     assert found.calibration.smoothed
     firm = np.flatnonzero(force.max(axis=1) > 0.2)
     assert np.isin(firm, found.rows).mean() > 0.95
@@ -134,25 +134,25 @@ def narrow(recording, width):
 
 def test_rare_spikes_are_found(recording):
     skin = RawSkin(NUM_RECEPTORS, float(recording.force.max()), NUM_ROWS, spikes=0.001)
-    found = felt_touches(recording.q, skin.read(recording.force))
+    found = find_touches(recording.q, skin.read(recording.force))
     assert found.calibration.smoothed
     assert np.mean(~touched(recording)[found.rows]) < 0.01
 
 
 def test_the_filter_can_be_chosen(recording):
-    raw = felt_touches(recording.q, recording.raw, filtering="none")
+    raw = find_touches(recording.q, recording.raw, filtering="none")
     assert not raw.calibration.smoothed
     assert not raw.calibration.spikes
     assert raw.num_lone == 0
     # One of a hundred receptors has a spike in every second row.
     assert len(raw.rows) > 0.7 * NUM_ROWS
     clean = RawSkin(NUM_RECEPTORS, float(recording.force.max()), NUM_ROWS, spikes=0.0)
-    found = felt_touches(recording.q, clean.read(recording.force), filtering="median")
+    found = find_touches(recording.q, clean.read(recording.force), filtering="median")
     assert found.calibration.smoothed
     assert found.num_lone == 0
     order = np.random.default_rng(0).permutation(NUM_ROWS)
     with pytest.raises(ValueError, match="filter is median, but the joints jump from row to row"):
-        felt_touches(recording.q[order], recording.raw, filtering="median")
+        find_touches(recording.q[order], recording.raw, filtering="median")
 
 
 def test_later_readings_become_sensations_row_by_row(recording):
@@ -203,7 +203,7 @@ def test_a_perfect_skin_is_as_it_is(recording):
 
 def test_spikes_are_left_out_where_rows_have_no_order(recording):
     rows = np.random.default_rng(1).permutation(NUM_ROWS)
-    found = felt_touches(recording.q[rows], recording.raw[rows])
+    found = find_touches(recording.q[rows], recording.raw[rows])
     assert not found.calibration.smoothed
     assert found.num_lone > 0.5 * 0.01 * recording.raw.size
     assert np.mean(~touched(recording)[rows][found.rows]) < 0.05
@@ -217,12 +217,12 @@ def test_what_comes_back_slowly_is_left_out():
     force = np.zeros((num_rows, 20))
     touching = time % 40 < 8
     force[touching, :3] = np.sin((time[touching] % 40 + 0.5) / 8 * np.pi)[:, None]
-    at_once = felt_touches(q, force, offset=0.0, threshold=0.0)
+    at_once = find_touches(q, force, offset=0.0, threshold=0.0)
     assert at_once.num_fading == 0
     held = force.copy()
     for row in range(1, num_rows):
         held[row] = np.maximum(force[row], 0.8 * held[row - 1])
-    found = felt_touches(q, held, offset=0.0, threshold=0.01)
+    found = find_touches(q, held, offset=0.0, threshold=0.01)
     assert found.num_fading > 0
     assert np.mean(touching[found.rows]) == 1.0
     # No row with rising pressure is lost.
@@ -233,11 +233,11 @@ def test_what_comes_back_slowly_is_left_out():
 def test_a_receptor_that_never_reads_is_known(recording):
     raw = recording.raw.copy()
     raw[:, 17] = 33
-    assert felt_touches(recording.q, raw).silent.tolist() == [17]
+    assert find_touches(recording.q, raw).silent.tolist() == [17]
 
 
 def test_offset_and_threshold_can_be_set(recording):
-    found = felt_touches(recording.q, recording.raw, offset=60.0, threshold=50.0, rising=True)
+    found = find_touches(recording.q, recording.raw, offset=60.0, threshold=50.0, rising=True)
     assert (found.calibration.offset == 60).all()
     assert (found.calibration.threshold == 50).all()
     assert found.calibration.drift.max() == 0
@@ -256,11 +256,11 @@ def test_offset_and_threshold_can_be_set(recording):
 )
 def test_what_cannot_be_used_is_refused(q, readings, message):
     with pytest.raises(ValueError, match=r"^\w") as error:
-        felt_touches(q, readings)
+        find_touches(q, readings)
     assert str(error.value).startswith(message)
 
 
 @pytest.mark.parametrize("name", ["offset", "threshold"])
 def test_what_is_given_is_finite(recording, name):
     with pytest.raises(ValueError, match=rf"^{name} is nan: give a finite number$"):
-        felt_touches(recording.q, recording.raw, **{name: float("nan")})
+        find_touches(recording.q, recording.raw, **{name: float("nan")})

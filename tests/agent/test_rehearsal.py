@@ -5,7 +5,7 @@ import pytest
 from test_memory import CHAIN
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.rehearsal import Try, best, judge
+from selftouch_drake.agent.rehearsal import Try, best, judged_try
 from selftouch_drake.quotient.smooth import smooth_path
 
 
@@ -40,7 +40,7 @@ def judged(felt, *, links=(4, 7), goal=2, in_air=None, known=CHAIN):
     execution = Execution(
         motion=motion, felt=felt, q_measured=motion.q, v_measured=motion.v, torque=np.zeros((9, 2))
     )
-    return judge(execution, known)
+    return judged_try(execution, known)
 
 
 A, B, C, NOTHING = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 0)

@@ -12,9 +12,9 @@ from selftouch_drake.evaluation.executed import (
     off_skin,
 )
 from selftouch_drake.evaluation.motion import (
-    calibration,
     contact_along,
     score_motion,
+    share_within_scale,
     summarise,
 )
 from selftouch_drake.geometry.hollow import hollow_skin
@@ -185,14 +185,14 @@ def test_places_in_the_frames_of_links_that_move():
 def test_a_calibrated_band_holds_what_it_promises():
     rng = np.random.default_rng(0)
     errors = [0.01 * rng.chisquare(2, 500) for _ in range(10)]
-    held = calibration(errors)
+    held = share_within_scale(errors)
     assert held[0.5] == pytest.approx(0.5, abs=0.04)
     assert held[0.9] == pytest.approx(0.9, abs=0.04)
     # Twice the error on what is new: the agent was too sure.
     worse = errors[:5] + [2.0 * error for error in errors[5:]]
-    assert calibration(worse)[0.9] < 0.8
+    assert share_within_scale(worse)[0.9] < 0.8
 
 
 def test_one_motion_calibrates_nothing():
-    assert calibration([np.ones(3)]) == {}
-    assert calibration([np.ones(0), np.ones(0)]) == {}
+    assert share_within_scale([np.ones(3)]) == {}
+    assert share_within_scale([np.ones(0), np.ones(0)]) == {}

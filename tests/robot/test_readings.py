@@ -8,11 +8,11 @@ import yaml
 from commands import selftouch
 
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.experiment.schema import Reading
+from selftouch_drake.experiment.schema import ReadingSettings
 from selftouch_drake.geometry.receptors import group_centres, placed_fields
 from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import World
-from selftouch_drake.robot.readings import readings
+from selftouch_drake.robot.readings import read_forces
 from selftouch_drake.systems.station import MakeDynamicStation
 
 FORCE = np.array([[0.0, 0.04, 0.1, 0.3, 5.0]])
@@ -21,18 +21,18 @@ COUNTS = {"mode": "counts", "bits": 4, "full_scale": 1.5}
 
 
 def test_bits_and_counts():
-    on = readings(FORCE, Reading(**BINARY))
+    on = read_forces(FORCE, ReadingSettings(**BINARY))
     np.testing.assert_array_equal(on, [[0, 0, 1, 1, 1]])
-    counts = readings(FORCE, Reading(**COUNTS))
+    counts = read_forces(FORCE, ReadingSettings(**COUNTS))
     np.testing.assert_array_equal(counts, [[0, 0, 1, 3, 15]])
-    assert readings(FORCE, Reading()) is FORCE
+    assert read_forces(FORCE, ReadingSettings()) is FORCE
 
 
 def test_a_receptor_switches_off_later_than_on():
-    reading = Reading(mode="binary", threshold=1.0, hysteresis=0.4)
+    reading = ReadingSettings(mode="binary", threshold=1.0, hysteresis=0.4)
     felt, seen = None, []
     for force in (0.7, 1.1, 0.7, 0.5, 0.7):
-        felt = readings(np.array([[force]]), reading, felt)
+        felt = read_forces(np.array([[force]]), reading, felt)
         seen.append(felt.item())
     assert seen == [0, 1, 1, 0, 0]
 
@@ -64,7 +64,7 @@ def test_worlds_read_alike(reading):
     forces.skins = world.skins
     q = np.random.default_rng(0).uniform(*world.robot.babbled_range, (3000, 6))
     rows, touches = forces.probe.felt(q)
-    read = readings(touches.sensation, Reading(**reading))
+    read = read_forces(touches.sensation, ReadingSettings(**reading))
     kept = read.any(axis=1)
     assert 0 < kept.sum() < len(kept)  # the lightest touches are not felt
     found, felt = world.probe.felt(q)
@@ -83,7 +83,7 @@ def test_worlds_read_alike(reading):
         dynamic[name] = station.diagram.GetOutputPort("sensation").Eval(context)
     assert dynamic["read"].any()
     np.testing.assert_array_equal(
-        dynamic["read"], readings(dynamic["forces"][None], Reading(**reading))[0]
+        dynamic["read"], read_forces(dynamic["forces"][None], ReadingSettings(**reading))[0]
     )
 
 

@@ -12,7 +12,7 @@ from selftouch_drake.agent import pilot as pilot_module
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.practice import NoWayError
-from selftouch_drake.agent.rehearsal import best, judge
+from selftouch_drake.agent.rehearsal import best, judged_try
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import bodies_of, pilot_in
 from selftouch_drake.cli import main
@@ -182,7 +182,7 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
     assert 1 <= len(tries) <= 3
     memory = load_memory(run, representation_of(run))
     assert memory.num_tries == len(tries)
-    kept = judge(load_execution(run, 3, 20), representation_of(run))
+    kept = judged_try(load_execution(run, 3, 20), representation_of(run))
     assert (kept.reached, kept.contact) == (best(tries).reached, best(tries).contact)
     assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
 
@@ -191,7 +191,7 @@ def test_tries_end_at_the_first_perfect_one_or_at_the_most(run, world, monkeypat
     pilot, scripted = pilot_of(load_agent(run), world), [0.9, 0.95, 1.0, 1.0]
 
     def judged(execution, representation):
-        one = judge(execution, representation)
+        one = judged_try(execution, representation)
         return dataclasses.replace(one, contact=scripted.pop(0), reached=True)
 
     monkeypatch.setattr(pilot_module, "judge", judged)

@@ -2,7 +2,14 @@
 
 import re
 
-from selftouch_drake.run.metrics import METRICS, MOTION_COLUMNS, keys_of, motions, readings, tiles
+from selftouch_drake.run.metrics import (
+    METRICS,
+    MOTION_COLUMNS,
+    keys_of,
+    metric_texts,
+    motions,
+    tiles,
+)
 
 
 def test_every_metric_is_described_once():
@@ -42,7 +49,7 @@ def test_numbers_are_read_with_their_units():
         "planning_jerk_reduction": 12345.6,
         "execution_tracking_rms_rad": 0.0031,
     }
-    found = readings(metrics)
+    found = metric_texts(metrics)
     value = {reading.name: reading.value for section in found.values() for reading in section}
     assert value == {
         "babbling_num_samples": "400,000",
@@ -55,7 +62,7 @@ def test_numbers_are_read_with_their_units():
         "unheard_of": "é",
     }
     assert list(found)[-1] == "Others"
-    assert readings({}) == {}
+    assert metric_texts({}) == {}
 
 
 def test_the_headline_shows_what_there_is():

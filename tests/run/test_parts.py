@@ -14,7 +14,7 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import scores, stages
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.metrics import METRICS, readings, tiles
+from selftouch_drake.run.metrics import METRICS, metric_texts, tiles
 
 PER_SKIN = (1500, 600, 600)
 SKINS = ("body", "left_forearm", "right_forearm")
@@ -112,7 +112,7 @@ def test_each_skin_is_scored(run, world):
     assert set(figures) <= {metric.key for metric in METRICS}
     # As a file holds them.
     json.dumps(figures, allow_nan=False)
-    assert readings(figures)
+    assert metric_texts(figures)
 
 
 def test_true_parts_stand_beside_the_parts_that_show_them(run):

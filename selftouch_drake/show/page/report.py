@@ -16,7 +16,7 @@ from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.robot.describe import description
 from selftouch_drake.run.artifacts import load_motion, stored_pairs
 from selftouch_drake.run.directory import MissingError
-from selftouch_drake.run.metrics import MOTION_COLUMNS, motions, readings, tiles
+from selftouch_drake.run.metrics import MOTION_COLUMNS, metric_texts, motions, tiles
 from selftouch_drake.run.model_text import (
     JOINT_COLUMNS,
     PART_COLUMNS,
@@ -91,7 +91,7 @@ def report_page(
         tiles=tiles(metrics),
         motions=motions(metrics),
         columns=MOTION_COLUMNS,
-        readings=readings(metrics),
+        readings=metric_texts(metrics),
         robot=robot,
         robot_missing=robot_missing,
         parts=parts,
