@@ -3,6 +3,7 @@
 A few dozen inputs each in the ordinary tests; `make fuzz` tries thousands and prints how many.
 """
 
+import dataclasses
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ from by_hand import laid_by_hand
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from selftouch_drake.agent.body_model.model import BodyModel, rejected
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.cli import cli, exit_status
@@ -46,13 +48,16 @@ from selftouch_drake.geometry.surfaces import mesh_file
 from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.run.artifacts import (
     load_body,
+    load_body_model,
     load_execution,
     load_memory,
     load_representation,
+    save_body_model,
     save_memory,
     save_plan,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.model_text import model_text
 from selftouch_drake.sweep.design import load_sweep
 from selftouch_drake.sweep.table import read_table
 
@@ -171,6 +176,7 @@ def run(tmp_path_factory):
     save_arrays(made.topology, topology | made.stamp())
     save_arrays(made.body_distances, {"distances": np.ones((50, 50), np.float32)} | made.stamp())
     save_memory(made, RehearsalMemory.blank(representation))
+    save_body_model(made, chain_of_six(representation))
     save_arrays(made.skin, {"body_p_LS": np.zeros((100, 3)), "body_vertices": np.zeros((4, 3))})
     motion = Motion(
         plan=Plan(
@@ -200,6 +206,28 @@ def run(tmp_path_factory):
     save_plan(made, execution, 3, 4)
     made.add_metrics({"babbling_num_samples": 60, "topology_betti": [1, 0, 1], "x": {"y": 0.5}})
     return Made(made, shard, representation)
+
+
+def chain_of_six(representation) -> BodyModel:
+    """A model in which each joint carries the next one, and the last one touches."""
+    blank = rejected(
+        "it is made by hand",
+        joint_names=tuple("abcdef"),
+        kernel_part=representation.part,
+        num_rows=representation.num_rows,
+        num_receptors=100,
+    )
+    return dataclasses.replace(
+        blank,
+        joint_parent=np.arange(6) - 1,
+        joint_kind=np.ones(6, dtype=int),
+        twists=np.random.default_rng(0).normal(size=(6, 6)),
+        part_link=np.array([-1]),
+        toucher_link=np.array([5]),
+        toucher_place=np.ones((1, 3)),
+        toucher_shape=np.zeros((1, 5)),
+        accepted_by_part=np.array([True]),
+    )
 
 
 def put(path, content: bytes):
@@ -412,6 +440,25 @@ def test_a_foreign_body(data, name, run, copy):
         put(getattr(copy, other), getattr(run.directory, other).read_bytes())
     save_arrays(getattr(copy, name), with_foreign(data, getattr(run.directory, name)))
     loaded_or_refused(lambda: load_body(copy, run.representation), ValueError, getattr(copy, name))
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_body_model(edits, run, copy):
+    path = put(copy.body_model, damaged(run.directory.body_model.read_bytes(), edits))
+    found = loaded_or_refused(lambda: load_body_model(copy), ValueError, path)
+    if found is not None:
+        np.testing.assert_array_equal(found.twists, load_body_model(run.directory).twists)
+
+
+@fuzz
+@given(data=st.data())
+def test_a_foreign_body_model(data, run, copy):
+    save_arrays(copy.body_model, with_foreign(data, run.directory.body_model))
+    found = loaded_or_refused(lambda: load_body_model(copy), ValueError, copy.body_model)
+    if found is not None:
+        found.place(np.zeros((2, len(found.joint_names))), np.zeros(2, dtype=int))
+        model_text(found)
 
 
 @fuzz

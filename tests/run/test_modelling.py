@@ -261,9 +261,9 @@ def test_a_run_may_be_named_by_its_path(run, perfect):
     for named in (run, run.path, str(run.path)):
         assert load_body_model(named).accepted
         assert load_agent(named).representation.num_targets == 60
-    with pytest.raises(AttributeError, match="has no attribute 'load_truth'"):
+    with pytest.raises(AttributeError, match="there is no 'load_truth'; known are"):
         selftouch_drake.run.load_truth  # noqa: B018 - it is missing
-    assert {"load_agent", "load_body_model"} <= set(dir(selftouch_drake.run))
+    assert {"load_agent", "load_body_model"} <= set(selftouch_drake.run.__all__)
 
 
 def test_the_package_of_runs_imports_nothing_by_itself():
