@@ -144,7 +144,7 @@ class Agent:
         return self.planner.plan(q_start, targets, memory=self.memory, **options)
 
     def predict(self, plan: Plan, s: np.ndarray, dry_run: "DryRun | None" = None) -> Prediction:
-        """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
+        """The sensation expected at path lengths `s` `(T,)` of a plan, in mu.
 
         After a dry run it is what was felt then; before, it comes from stored touches.
         """

@@ -15,7 +15,7 @@ LOSS_FACTOR = 8.0
 # Six losses: beyond that a link is as good as cut, and the costs stay far from overflow.
 _MOST_PENALTY = LOSS_FACTOR**6
 
-# rad, tolerance for stored float32 configurations.
+# mu, tolerance for stored float32 configurations.
 _SAME = 1e-5
 
 
@@ -23,7 +23,7 @@ _SAME = 1e-5
 class Slides(Record):
     """Ways from one touch to another along which the agent slid.
 
-    N slides through M configurations of J joints in all, scaled (rad).
+    N slides through M configurations of J joints in all, scaled (mu).
 
     Attributes:
         ends: `(N, 2, J)` first and last configuration of each slide.
@@ -72,7 +72,7 @@ class Slides(Record):
         )
 
     def between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The last slide between two configurations: `(m, J)` rad and `(m,)` kernels.
+        """The last slide between two configurations: `(m, J)` mu and `(m,)` kernels.
 
         Joints that do not move on a slide may have any position, the same at both ends; m is 0 if
         no slide is known.

@@ -66,7 +66,7 @@ class Motion(Record):
     Attributes:
         plan: the plan.
         time_s: `(T,)` s.
-        s: `(T,)` rad, desired position along the path.
+        s: `(T,)` mu, desired position along the path.
         q: `(T, J)` desired motor configurations, in the robot's units.
         v: `(T, J)` their velocities, per second.
         predicted: `(T, S)` unit L2 norm, the predicted sensation; null where none is expected.

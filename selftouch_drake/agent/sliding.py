@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from selftouch_drake.agent.body import Body, Felt
 
-#: rad, length of a step, and of a trial to either side. Measured on 51 ways of 2 rad between
+#: mu, length of a step, and of a trial to either side. Measured on 51 ways of 2 mu between
 #: touches of a forearm with nine joints that matter: 86 % succeed by sliding, 12 % if straight.
 _STEP = 0.06
 _TRIAL = 0.01
@@ -46,7 +46,7 @@ _MOST_HALVINGS, _CORRECTIONS = 5, 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slider:
-    """Slides by feel; all its configurations are scaled, in rad.
+    """Slides by feel; all its configurations are scaled, in mu.
 
     Attributes:
         body: where it feels.
@@ -87,7 +87,7 @@ class Slider:
     def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Slides from one touching configuration `(J,)` to another; joints that differ move.
 
-        Returns `(M, J)` rad, touching configurations in between, about 0.06 rad apart, and `(M, S)`
+        Returns `(M, J)` mu, touching configurations in between, about 0.06 mu apart, and `(M, S)`
         N, the sensations there; None if it did not arrive.
         """
         joints = np.flatnonzero(x_from != x_to)
@@ -140,7 +140,7 @@ class Slider:
         return None
 
     def slope(self, x: np.ndarray, joints: np.ndarray | None = None) -> np.ndarray:
-        """`(J,)` N/rad, how fast the strength of the touch grows at `(J,)` x along each joint.
+        """`(J,)` N per mu, how fast the strength of the touch grows at `(J,)` x along each joint.
 
         Joints that are not in `joints` get 0; by default all are tried.
         """
@@ -199,7 +199,7 @@ class Slider:
 
 
 def straight(x_from: np.ndarray, x_to: np.ndarray) -> np.ndarray:
-    """`(n, J)` rad, scaled configurations on the straight way, about 0.06 rad apart."""
+    """`(n, J)` mu, scaled configurations on the straight way, about 0.06 mu apart."""
     count = 2 + int(np.linalg.norm(x_to - x_from) / _STEP)
     return x_from + np.linspace(0.0, 1.0, count)[:, None] * (x_to - x_from)
 

@@ -78,7 +78,7 @@ def set_distances(
     evenly strided ones) are compared with every configuration of every other set.
 
     For pairs that are rough, `(K, K)` bool, symmetric, 16 queries are enough. If `(K,)` bool says
-    which sets changed, only distances to and from these are wanted. Returns `(K, K)` rad, float32,
+    which sets changed, only distances to and from these are wanted. Returns `(K, K)` mu, float32,
     symmetric with a zero diagonal; 0 between sets that did not change.
 
     Raises:
@@ -126,7 +126,7 @@ def _fill_roughly(
 
 
 def _nearest(x: np.ndarray, sets: KernelSets, asked: np.ndarray) -> np.ndarray:
-    """`(N, n)` rad, distance of each of `(N, J)` configurations to the n sets that are asked."""
+    """`(N, n)` mu, distance of each of `(N, J)` configurations to the n sets that are asked."""
     offsets = np.asarray(sets.offsets, dtype=np.int64)
     squared = np.empty((len(asked), len(x)), dtype=np.float32)
     search = _nearest_squared(sets.x.shape[1], False)
@@ -139,9 +139,9 @@ def linked_nearest(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
-    The sets are scaled, rad; `(L, 2)` links are first and second kernel of each. Returns `(L + 1,)`
+    The sets are scaled, mu; `(L, 2)` links are first and second kernel of each. Returns `(L + 1,)`
     offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration of its first
-    kernel; int32 rows of the nearest configurations; float32 rad^2, their squared distances.
+    kernel; int32 rows of the nearest configurations; float32 mu^2, their squared distances.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)

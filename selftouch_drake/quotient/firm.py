@@ -13,7 +13,7 @@ from .distances import quantile
 from .representation import Representation
 from .route import square_step
 
-# A configuration is isolated if it is farther than this from all strong ones of its kernel, in rad.
+# A configuration is isolated if it is farther than this from all strong ones of its kernel, in mu.
 # Measured on a torus with two fingers (150 plans): out of contact on 1.1 % of the length if plans
 # use the strongest half, on 0.7 % if they use the strongest third and the isolated ones. The worst
 # of 200 plans with one finger: 18 % and 3 %.
@@ -26,7 +26,7 @@ def firm(x: np.ndarray, strength: np.ndarray) -> np.ndarray:
     Firm touches keep contact. But some postures of the arm were tried so rarely that no touch of
     the strongest third is near; a plan that starts there would have to leap. So isolated touches
     count as well, unless they are among the lightest quarter. The n > 0 scaled configurations are
-    `(n, J)` rad, and strengths `(n,)` N.
+    `(n, J)` mu, and strengths `(n,)` N.
     """
     strong, felt = strength >= _quantile(strength, 2 / 3), strength >= _quantile(strength, 0.25)
     return _strong_or_isolated(x, strong, felt)
@@ -64,7 +64,7 @@ def _quantile(values: np.ndarray, share: float) -> np.floating:
 
 @njit(cache=True)
 def _strong_or_isolated(x, strong, felt):
-    """`(n,)` bool: `strong`, or `felt` and far from all strong ones; x is `(n, J)` rad."""
+    """`(n,)` bool: `strong`, or `felt` and far from all strong ones; x is `(n, J)` mu."""
     kept, among = strong.copy(), x[strong]
     for row in np.flatnonzero(felt & ~strong):
         for other in range(len(among)):

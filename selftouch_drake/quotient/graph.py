@@ -42,7 +42,7 @@ class QuotientGraph:
 
     Attributes:
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted.
-        cost: `(E,)` float32 rad, mean nearest-neighbour distance between the firm configurations of
+        cost: `(E,)` float32 mu, mean nearest-neighbour distance between the firm configurations of
             both kernels.
         component: `(K,)` the component of each kernel before bridges were added; 0 is the largest.
     """
@@ -68,9 +68,9 @@ def quotient_graph(
     """Joins kernels that are neighbours on the body.
 
     Args:
-        sets: the kernel sets, scaled, rad.
+        sets: the kernel sets, scaled, mu.
         strength: `(R,)` N, of the sensation at each configuration.
-        set_distance: `(K, K)` rad, distances between the sets.
+        set_distance: `(K, K)` mu, distances between the sets.
         targets: `(K, S)` target sensations, unit L2 norm.
         apart: `(K, K)` bool, pairs of kernels that nothing may join; there are none by default.
 
@@ -87,7 +87,7 @@ def quotient_graph(
 
 
 def _firm_distance(firm: KernelSets, edges: np.ndarray) -> np.ndarray:
-    """`(E,)` float32 rad, mean nearest distance over both directions of each edge."""
+    """`(E,)` float32 mu, mean nearest distance over both directions of each edge."""
     offsets, _, squared = linked_nearest(firm, np.concatenate([edges, edges[:, ::-1]]))
     there, back = np.split(np.add.reduceat(np.sqrt(squared), offsets[:-1]), 2)
     i, j = edges.T
@@ -181,7 +181,7 @@ def to_networkx(
 
     Nodes are kernels with attributes `size` (stored configurations) and `target_sensation` (`(S,)`
     unit L2 norm), and those of `nodes`: by name, one value for each kernel. Every edge has
-    `set_distance` (rad); edges between neighbours also have `cost` (rad, as `edge_cost` of the
+    `set_distance` (mu); edges between neighbours also have `cost` (mu, as `edge_cost` of the
     representation). A complete graph joins every two kernels, as in the paper.
     """
     import networkx as nx  # not needed to plan

@@ -48,7 +48,7 @@ class BodyGraph:
 def literal(
     representation: Representation, progress: Callable[[float], None] = lambda fraction: None
 ) -> BodyGraph:
-    """Exactly as in the paper: the complete graph of minimum distances, in rad."""
+    """Exactly as in the paper: the complete graph of minimum distances, in mu."""
     minimum = set_distances(
         representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
     )

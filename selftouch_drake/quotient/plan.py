@@ -29,12 +29,12 @@ class MotorPath:
     """A geometric path in motor space through one configuration of each kernel on a route.
 
     W waypoints and J joints. Motor configurations are in the robot's units; lengths along the path
-    are between scaled configurations (rad).
+    are between scaled configurations (mu).
 
     Attributes:
         nodes: `(W,)` kernels, from the start to the goal.
         waypoints_q: `(W, J)` one motor configuration per kernel.
-        waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
+        waypoint_s: `(W,)` mu, parameter of each waypoint on `path`: polyline length up to it.
         path: smooth quintic B-spline of motor configurations over `[0, waypoint_s[-1]]`, from the
             first waypoint to the last; constant over `[0, 1]` if the start is the goal.
     """

@@ -22,8 +22,8 @@ class Representation:
 
     K kernels over S receptors and J joints; R stored motor configurations in total. Motor
     configurations are in the robot's units, which the agent does not know. All distances in motor
-    space are between scaled configurations, `q * joint_scale`. Their unit is called "rad": the unit
-    of a joint whose scale is 1.
+    space are between scaled configurations, `q * joint_scale`. Their unit is the motor unit,
+    mu: the unit of a joint whose scale is 1.
 
     Attributes:
         target_sensations: `(K, S)` target sensations, unit L2 norm.
@@ -33,10 +33,10 @@ class Representation:
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         joint_scale: `(J,)` positive factors that make the joints comparable.
-        set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
+        set_distance: `(K, K)` mu, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted. See
             `graph.surface_neighbours`.
-        edge_cost: `(E,)` rad, mean nearest-neighbour distance between the firm configurations of
+        edge_cost: `(E,)` mu, mean nearest-neighbour distance between the firm configurations of
             both kernels, those felt more strongly than the median of their kernel.
         num_touches: rows of the experience.
 
@@ -100,11 +100,11 @@ class Representation:
 
     @property
     def kernel_sets(self) -> KernelSets:
-        """The kernel sets between which distances are measured: scaled, rad, float32."""
+        """The kernel sets between which distances are measured: scaled, mu, float32."""
         return KernelSets(self.scaled(self.kernel_q).astype(np.float32), self.kernel_offsets)
 
     def scaled(self, q: np.ndarray) -> np.ndarray:
-        """`(..., J)` rad, scaled configurations, between which distances are measured."""
+        """`(..., J)` mu, scaled configurations, between which distances are measured."""
         return np.asarray(q) * self.joint_scale
 
     def members(self, kernel: int) -> slice:

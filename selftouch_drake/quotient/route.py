@@ -16,7 +16,7 @@ from .distances import linked_nearest
 from .kernels import KernelSets
 from .paths import component_labels
 
-# Steps of joints cost this power of their squared length: in rad if a route prefers joints, in
+# Steps of joints cost this power of their squared length: in mu if a route prefers joints, in
 # typical steps if it prefers the body (a whole power takes less time). Contact is lost on the
 # longest tenth of the steps; to keep its path on the body short, a route must avoid these alone.
 # Measured on 100 plans on each of three runs (torus twice, cube; 100,000 touches, 300 targets):
@@ -25,7 +25,7 @@ from .paths import component_labels
 # 1.20, 1.17, 1.15 and 99.6, 99.5, 98.9 %.
 _JOINTS_POWER, _BODY_POWER = 1.5, 4
 
-# How many configurations of one kernel a search may visit, and their least distance (rad). The
+# How many configurations of one kernel a search may visit, and their least distance (mu). The
 # first visit is not always the best to continue from: with 1, 4 and 8 visits the sum of cubed steps
 # is 1.3, 1.1 and 1.08 times the optimum.
 _MAX_VISITS = 4
@@ -37,7 +37,7 @@ class RouteGraph:
     """Linked kernels and their firm configurations, arranged for search.
 
     Attributes:
-        firm: F firm configurations of K kernels, scaled, float32 rad; a kernel may have none.
+        firm: F firm configurations of K kernels, scaled, float32 mu; a kernel may have none.
         firm_row: `(F,)` the rows in which they are stored.
         firm_kernel: `(F,)` the kernel of each.
         component: `(K,)` links join kernels of one component; -1 without firm configurations.
@@ -47,7 +47,7 @@ class RouteGraph:
         way_link: `(2L,)` its link.
         steps: along each way, from each firm configuration of the kernel that it leaves, as of
             `linked_nearest`.
-        typical_step: rad, the median of these steps.
+        typical_step: mu, the median of these steps.
     """
 
     firm: KernelSets

@@ -11,8 +11,8 @@ from .distances import linked_nearest
 from .kernels import KernelSets
 from .sensations import unit
 
-#: Standard deviation of scaled configurations, root mean square over joints. It is that of the
-#: paper's arm in radians, so a length in "rad" means the same for any robot.
+#: mu, standard deviation of scaled configurations, root mean square over joints. It is that of the
+#: paper's arm in radians, so a motor unit means the same for any robot.
 _SPREAD = 1.6
 
 #: Smallest influence of a joint, as a share of the largest (both squared): even a joint that does

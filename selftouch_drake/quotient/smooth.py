@@ -14,7 +14,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 DEGREE = 5
-# Knots this far apart (rad of path length) follow the polyline of a thousand kernels closely
+# Knots this far apart (mu of path length) follow the polyline of a thousand kernels closely
 # enough to keep contact, and round its corners.
 KNOT_SPACING = 0.135
 # Midpoints of each knot interval at which distance and jerk are summed.
@@ -22,13 +22,13 @@ _SAMPLES_PER_INTERVAL = 8
 
 
 def path_length(waypoints_x: np.ndarray) -> np.ndarray:
-    """`(W,)` rad, length of the polyline up to each of the `(W, J)` scaled waypoints."""
+    """`(W,)` mu, length of the polyline up to each of the `(W, J)` scaled waypoints."""
     steps = np.linalg.norm(np.diff(waypoints_x, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def polyline(waypoints: np.ndarray, waypoint_s: np.ndarray) -> BSpline:
-    """The straight path through `(W, J)` waypoints, not all the same, each at `(W,)` s, rad."""
+    """The straight path through `(W, J)` waypoints, not all the same, each at `(W,)` s, mu."""
     moved = np.concatenate([[True], np.diff(waypoint_s) > 0.0])
     return BSpline(np.pad(waypoint_s[moved], 1, "edge"), waypoints[moved], 1)
 
@@ -45,12 +45,12 @@ def smooth_path(
     limits and equally smooth.
 
     Args:
-        waypoints_x: `(W, J)` rad, scaled.
-        knot_spacing: rad of path length, the longest interval between knots; larger is smoother.
-        limits: `(J,)` rad each, scaled, which no joint passes unless a waypoint does.
+        waypoints_x: `(W, J)` mu, scaled.
+        knot_spacing: mu of path length, the longest interval between knots; larger is smoother.
+        limits: `(J,)` mu each, scaled, which no joint passes unless a waypoint does.
 
     Returns:
-        A clamped quintic B-spline over `[0, length]`, the length of the polyline in rad; constant
+        A clamped quintic B-spline over `[0, length]`, the length of the polyline in mu; constant
         over `[0, 1]` if all waypoints are the same.
     """
     waypoints_x = np.asarray(waypoints_x, dtype=float)
@@ -71,7 +71,7 @@ def smooth_curve(
 ) -> BSpline:
     """The quintic spline nearest a curve: squared distance plus l^6 x squared jerk.
 
-    The length l is the interval between knots. The curve maps `(N,)` rad in `[0, length]` to
+    The length l is the interval between knots. The curve maps `(N,)` mu in `[0, length]` to
     `(N, D)`; the `(2, D)` ends are where the spline starts and ends, its outer control points.
     """
     knots, value, bands = _normal_equations(num_intervals)

@@ -16,11 +16,11 @@ from .route import square_step
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
-    """`(W, J)` rad, one configuration of each layer, with the least sum of cubed steps.
+    """`(W, J)` mu, one configuration of each layer, with the least sum of cubed steps.
 
     Layered dynamic programming: exact up to float32 rounding, and quadratic in the size of a layer.
     With squares instead of cubes, a long step would remain now and then, and lose contact. Layers
-    are `(n_w, J)` rad, scaled candidates along the route; a layer of one candidate is fixed.
+    are `(n_w, J)` mu, scaled candidates along the route; a layer of one candidate is fixed.
     """
     candidates = [np.ascontiguousarray(layer, dtype=np.float32) for layer in layers]
     least_costs = _least_costs(candidates[0].shape[1])

@@ -9,7 +9,7 @@ from selftouch_drake.agent.motions import Plan
 from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
-#: rad of path between the places that are looked at; most stored touches that are compared.
+#: mu of path between the places that are looked at; most stored touches that are compared.
 _SAMPLED, _MOST_TOUCHES = 0.1, 100_000
 
 #: A place is known if so many recorded ones are near: the nearest alone may be a rare posture. And

@@ -55,7 +55,7 @@ class Planner:
 
     Args:
         representation: what the agent has learned.
-        knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
+        knot_spacing: mu of path length between knots of the smooth path; larger is smoother.
         touch_model: bends steps along links into the skin; without, they are straight.
         prefer: what routes keep short.
 

@@ -52,7 +52,7 @@ def predict_sensation(
     from 0.036 to 0.017, 0.009 and 0.006. Averages over stored configurations that are near in motor
     space are worse (0.03 to 0.26), because neighbours in motor space can be far apart on the skin.
 
-    The plan was made with the representation; `(T,)` s are path lengths, rad, from 0 to
+    The plan was made with the representation; `(T,)` s are path lengths, mu, from 0 to
     `plan.waypoint_s[-1]`; `(R, S)` kernel sensations of unit L2 norm were felt at the rows of
     `kernel_q`.
     """
@@ -90,9 +90,9 @@ def predict_sensation(
 
 
 def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.ndarray) -> Prediction:
-    """The sensation expected along a plan that the agent followed before, at `s` `(T,)` rad.
+    """The sensation expected along a plan that the agent followed before, at `s` `(T,)` mu.
 
-    It felt `(n, S)` N at `(n,)` places, rad, that rise from the start to the end of the plan.
+    It felt `(n, S)` N at `(n,)` places, mu, that rise from the start to the end of the plan.
     """
     at_places = _unit(felt)
     expected = _mixed(at_places, *_share(places, s))

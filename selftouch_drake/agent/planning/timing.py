@@ -15,7 +15,7 @@ from selftouch_drake.compiled import compiled
 
 #: The solver respects limits only at grid points; between them they are exceeded by up to 25 %.
 LIMIT_SHARE = 0.8
-# rad of scaled path length between grid points. A grid twice as fine saves 0.5 % of the duration.
+# mu of scaled path length between grid points. A grid twice as fine saves 0.5 % of the duration.
 _GRID_SPACING = 0.07
 #: s; a longer motion is refused, because its limits are probably a mistake.
 LONGEST_S = 600.0
@@ -41,7 +41,7 @@ class TimedPath:
 
     Attributes:
         time_s: `(T,)` s, from 0, evenly spaced except for the last interval.
-        s: `(T,)` rad, scaled length along the path.
+        s: `(T,)` mu, scaled length along the path.
         q: `(T, J)` rad or m.
         v: `(T, J)` rad/s or m/s.
         s_of_t: path length as a function of time.

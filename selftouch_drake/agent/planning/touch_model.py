@@ -34,7 +34,7 @@ _NUM_NETWORKS = 3
 #: knows nothing but its path by heart would pass for one that knows the skin.
 _HELD_OUT, _LEAST_CORRELATION = 0.125, 0.1
 
-#: rad, median way from a touch to the nearest one of a linked kernel; beyond it, straight steps
+#: mu, median way from a touch to the nearest one of a linked kernel; beyond it, straight steps
 #: leave the skin. It is 0.7 for six joints and 100,000 touches, 3.0 for twelve and 400,000. For
 #: short steps a network is no better: contact of 40 plans on a cube with six joints is 99.3 % if
 #: they are straight, 98.9 to 99.2 % if they are bent.
@@ -55,7 +55,7 @@ _ALONE = 0.5
 #: path: those of the middle of the skin.
 _LIGHTEST, _FIRMEST = 0.4, 0.6
 
-#: rad, distance of the configurations that are bent, and the farthest that they go at a time.
+#: mu, distance of the configurations that are bent, and the farthest that they go at a time.
 _SPACING, _FARTHEST = 0.15, 0.2
 _MOST_ROUNDS, _CLOSE = 8, 0.02
 
@@ -72,8 +72,8 @@ class _Firmness:
     Attributes:
         networks: from J standardised joints to firmness, and to the sensation less `typical`.
         joints: `(J,)` the joints that matter in the mode.
-        middle: `(J,)` rad, mean of the scaled configurations.
-        deviation: `(J,)` rad, their standard deviation.
+        middle: `(J,)` mu, mean of the scaled configurations.
+        deviation: `(J,)` mu, their standard deviation.
         typical: `(S,)` unit L2 norm, the mean sensation.
         lightest: least firmness of a path.
         firmest: greatest firmness of a path.
@@ -88,7 +88,7 @@ class _Firmness:
     firmest: float
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(n,)` firmness at scaled configurations `(n, J)`, and `(n, J)` its slope, per rad."""
+        """`(n,)` firmness at scaled configurations `(n, J)`, and `(n, J)` its slope, per mu."""
         x = self.standardised(x)
         firm, slope = np.zeros(len(x)), np.zeros(x.shape)
         for network in self.networks:
@@ -357,7 +357,7 @@ def _straight_steps(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Some straight ways from a touch of a mode to the nearest one of a linked kernel.
 
-    Returns `(n,)` rad, their lengths, and `(n, J)` their middles; a way without length if there is
+    Returns `(n,)` mu, their lengths, and `(n, J)` their middles; a way without length if there is
     none.
     """
     rng = np.random.default_rng(mode)

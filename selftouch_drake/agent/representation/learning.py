@@ -123,8 +123,8 @@ def joined(
 ) -> QuotientGraph:
     """The quotient graph, whose edges join kernels of one part.
 
-    The sets are those of the rows of the sample (columns q, strength, error), scaled, rad, with the
-    joints that matter; `(K, K)` rad is their distance, targets are `(K, S)` and parts `(K,)`.
+    The sets are those of the rows of the sample (columns q, strength, error), scaled, mu, with the
+    joints that matter; `(K, K)` mu is their distance, targets are `(K, S)` and parts `(K,)`.
     """
     apart = part[:, None] != part
     return quotient_graph(sets, sample.columns["strength"], distance, targets, apart)

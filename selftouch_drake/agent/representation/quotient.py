@@ -92,7 +92,7 @@ class QuotientRepresentation(Representation, Record):
 
     @property
     def kernel_sets(self) -> KernelSets:
-        """The kernel sets, rad, float32: scaled configurations, joints that matter."""
+        """The kernel sets, mu, float32: scaled configurations, joints that matter."""
         x = mattering(self.scaled(self.kernel_q), self.kernel_mode, self.mode_joints)
         return KernelSets(x, self.kernel_offsets)
 

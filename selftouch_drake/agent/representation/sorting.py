@@ -50,7 +50,7 @@ class Sorted:
 
     @property
     def sets(self) -> KernelSets:
-        """The motor kernel sets: scaled configurations, rad, float32."""
+        """The motor kernel sets: scaled configurations, mu, float32."""
         x = (self.sample.columns["q"] * self.joint_scale).astype(np.float32)
         return KernelSets(x, self.sample.offsets(len(self.targets)))
 
