@@ -34,8 +34,10 @@ _FEWEST = 600
 _SEED, _JOINS = 0.75, 0.7
 # A touch belongs to a limb surely above this probability.
 _SURE = 0.85
+# Up to so many joints, orders of all of them compete.
+_ALL_TRIED = 16
 # Parts whose chains compete to be the seed.
-_PROBED = 3
+_PROBED = 6
 # New joints that are tried in all orders, at most.
 _MOST_NEW = 3
 
@@ -70,13 +72,15 @@ class _Grower:
         used = np.flatnonzero(~tested)
         self.rows = {int(p): used[part[used] == p] for p in np.unique(part)}
         self.parts = sorted(self.rows, key=lambda p: -len(self.rows[p]))
-        self.groups, self.holding, self.statistic = {}, {}, {}
+        self.groups, self.holding, self.held, self.statistic = {}, {}, {}, {}
         for p in self.parts:
             some = np.sort(search.random.permutation(self.rows[p])[:_SEARCHED])
             self.groups[p] = Group.of(some, scene.target[some])
             self.statistic[p] = pair_statistic(search.q, self.groups[p], least=20)
             held = [j for j in joints_that_hold(*self.statistic[p]) if j in moving]
-            self.holding[p] = held if len(held) >= 3 else moving
+            # Some joints act only together with others, which no pair shows: few are all tried.
+            self.holding[p] = held if len(held) >= 3 and len(moving) > _ALL_TRIED else moving
+            self.held[p] = held
         self.chains: dict[int, Bodies] = {}
         self.given_up: set[int] = set()
 
@@ -157,10 +161,14 @@ class _Grower:
         if not chains:
             return None
         body = self.bundled(joined(self.scene, part, _disjoint(chains)))
-        some = self.scene.some(dense_rows(self.scene.target, self.rows[part], self.search.random))
-        some = replace(some, ways=body.ways())
-        enough = explained(some, started(some, body.twists, body.points), part) > _SEED
-        return body if enough else None
+        some = dense_rows(self.scene.target, self.rows[part], self.search.random)
+        return body if self._explained(body, part, some) > _SEED else None
+
+    def _explained(self, body: Body, part: int, rows: np.ndarray) -> float:
+        """Share of some touches of a part that a body explains as it is."""
+        ways = {pair: way for pair, way in body.ways().items() if pair[0] == part}
+        scene = replace(self.scene.some(rows), ways=ways)
+        return explained(scene, started(scene, body.twists, body.points), part)
 
     def _of_limb(self, own: Group, joints: list[int], part: int) -> Bodies | None:
         for chain in found_chains(self.search, own, joints):
@@ -187,25 +195,19 @@ class _Grower:
         for part in sorted(waiting, key=lambda p: (p not in self.chains, len(self.rows[p]))):
             for bigger in self._attachments(body, part):
                 some = dense_rows(self.scene.target, self.rows[part], self.search.random)
-                tried = replace(self.scene.some(some), ways=bigger.ways())
-                if explained(tried, started(tried, bigger.twists, bigger.points), part) > _JOINS:
+                if self._explained(bigger, part, some) > _JOINS:
                     return self.bundled(bigger)
                 bigger = self.bundled(bigger)
-                tried = replace(self.scene.some(some), ways=bigger.ways())
-                if explained(tried, started(tried, bigger.twists, bigger.points), part) > _JOINS:
+                if self._explained(bigger, part, some) > _JOINS:
                     return bigger
         return None
 
     def _attachments(self, body: Body, part: int) -> list[Body]:
         """Bodies with the part and its new joints, the best three of each kind."""
         known = set(body.links.ends)
-        new = [joint for joint in self.holding[part] if joint not in known]
+        new = [joint for joint in self.held[part] if joint not in known]
         found: list[Body] = []
-        if (
-            part not in self.chains
-            and self.holding[part] != self.moving
-            and 0 < len(new) <= _MOST_NEW
-        ):
+        if part not in self.chains and 0 < len(new) <= _MOST_NEW:
             # Between the tree and the skin, whoever touched: those of other hands are outliers.
             tried = attached(
                 self.search, self.scene, self.groups[part], body, part,
