@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.quotient.kernels import KernelSets, sample_rows
@@ -7,6 +7,7 @@ from selftouch_drake.quotient.kernels import KernelSets, sample_rows
 labels = st.lists(st.integers(0, 5), min_size=1, max_size=80).map(np.array)
 
 
+@settings(deadline=None)
 @given(labels, st.integers(1, 10))
 def test_a_kernel_keeps_as_many_rows_as_it_may(label, max_size):
     rows = sample_rows(label, max_size, seed=1)
