@@ -52,6 +52,12 @@ API = {
         ("experience.collect", "experience.store", "experience.walk"),
     ),
     "robot": ("Skins and robots in Drake", ("robot",)),
+    "systems": (
+        "Drake systems",
+        ("systems.babbler", "systems.tactile_skin", "systems.skin_readout", "systems.joint_readout")
+        + ("systems.touch_servo", "systems.plan_source", "systems.naive_agent", "systems.station")
+        + ("systems.self_touch_diagram", "systems.simulation", "systems.skin_visualizer"),
+    ),
     "geometry": (
         "Surfaces, skins and receptors",
         ("geometry.surfaces", "geometry.closing", "geometry.hollow", "geometry.receptors")
@@ -66,7 +72,7 @@ API = {
     ),
     "show": (
         "Pictures, recordings, live agent",
-        ("show.run_data", "show.page.figures", "show.outputs", "show.meshcat.skin_visualizer"),
+        ("show.run_data", "show.page.figures", "show.outputs"),
     ),
     "sweep": ("Sweeps", ("sweep.design", "sweep.directory", "sweep.runs", "sweep.table", "sweep.figures")),
     # Packages that are there in some installations only.

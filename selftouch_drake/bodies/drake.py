@@ -355,6 +355,13 @@ class DrakeBabblingBody(DrakeDynamicBody):
         return self._lead_through(time_s, q)
 
 
+def while_babbling(experiment: Experiment) -> Experiment:
+    """An experiment as it is while a robot babbles: no joint has slipped, and nobody plans."""
+    joints = dataclasses.replace(experiment.joints, offset=0.0)
+    execution = dataclasses.replace(experiment.execution, touch_servo=False)
+    return dataclasses.replace(experiment, joints=joints, execution=execution)
+
+
 class DrakeBodies:
     """The bodies of a robot in Drake: for babbling, for practice, and to act."""
 
@@ -367,11 +374,7 @@ class DrakeBodies:
         experiment = self.world.experiment
         if experiment.babbling.mode == "kinematic":
             return self.still
-        # While babbling no joint has slipped.
-        joints = dataclasses.replace(experiment.joints, offset=0.0)
-        execution = dataclasses.replace(experiment.execution, touch_servo=False)
-        experiment = dataclasses.replace(experiment, joints=joints, execution=execution)
-        return DrakeBabblingBody(self.world, experiment)
+        return DrakeBabblingBody(self.world, while_babbling(experiment))
 
     @cached_property
     def still(self) -> DrakeBody:

@@ -87,8 +87,10 @@ class StraightPieces:
         self._lock = threading.Lock()
         # `(N,)` s and `(N, J)` of the nodes.
         self._nodes: tuple[list[float], np.ndarray] = [0.0], walk.steps(1)
-        # `(N - 1, 2J)` state at the beginning of each piece, and its rate.
-        self._begin = self._rate = np.zeros((0, 2 * self._nodes[1].shape[1]))
+        # `(2J,)` state at the beginning of each piece, and its rate: lists, in which a controller
+        # finds a row in a fifth of the time of an array's.
+        self._begin = list[np.ndarray]()
+        self._rate = list[np.ndarray]()
 
     def nodes(self, num_nodes: int) -> np.ndarray:
         """`(num_nodes, J)` rad or m, the first nodes."""
@@ -119,8 +121,8 @@ class StraightPieces:
             else:
                 ends = np.append(0.0, lasting.cumsum())
             rates = np.diff(nodes, axis=0) / np.diff(ends)[:, None]
-            self._begin = np.hstack([nodes[:-1], rates])
-            self._rate = np.hstack([rates, np.zeros_like(rates)])
+            self._begin = list(np.hstack([nodes[:-1], rates]))
+            self._rate = list(np.hstack([rates, np.zeros_like(rates)]))
             # Last: who finds a node finds its piece.
             self._nodes = ends.tolist(), nodes
 

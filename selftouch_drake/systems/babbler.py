@@ -132,14 +132,16 @@ class Babbler(LeafSystem):
 
     def _now(self, context: Context) -> np.ndarray:
         """`(2J,)` where joints are commanded to be, and how fast."""
+        # At every step of a plant: so one look at the context, and few operations of numpy.
         begun, time_s = context.get_abstract_parameter(self._start).get_value(), context.get_time()
-        if time_s >= begun.approach_s:
-            return begun.pieces.at(time_s - begun.approach_s)
+        since = time_s - begun.approach_s
+        if since >= 0.0:
+            return begun.pieces.at(since)
         q, rate = np.split(begun.approach, 2)
         return np.concatenate([q + time_s * rate, rate])
 
     def _calc_desired_state(self, context, output):
-        output.SetFromVector(self._now(context))
+        output.set_value(self._now(context))
 
     def _calc_q(self, context, output):
-        output.SetFromVector(self._now(context)[: self._num_joints])
+        output.set_value(self._now(context)[: self._num_joints])

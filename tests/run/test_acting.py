@@ -20,6 +20,7 @@ from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
+from selftouch_drake.run import load_motion as from_python
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -278,6 +279,31 @@ def test_stored_pairs_are_those_of_two_targets(run, world):
     stages.plan(run, 3, 20, 41)
     assert stored_pairs(run) == [(3, 20), (12, 3)]
     np.testing.assert_array_equal(load_motion(run, 12, 3).plan.nodes[[0, -1]], [12, 3])
+
+
+@pytest.mark.parametrize("opened", [True, False])
+def test_a_stored_plan_is_loaded_from_python_as_it_is(run, world, opened):
+    planned = stages.plan(run, 12, 3)
+    found = from_python(run if opened else str(run.path), 12, 3)
+    for name in ("time_s", "q", "v", "predicted"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(planned, name))
+
+
+def test_a_plan_that_is_not_stored_is_made_and_not_stored(run, world):
+    found = from_python(run.path, 12, 3)
+    assert found.plan.nodes[[0, -1]].tolist() == [12, 3]
+    assert not run.plan(12, 3).exists()
+    np.testing.assert_array_equal(found.q, stages.plan(run, 12, 3).q)
+
+
+def test_motions_that_cannot_be_loaded_say_why(run, tmp_path):
+    with pytest.raises(RunError, match="nowhere"):
+        from_python(tmp_path / "nowhere", 12, 3)
+    with pytest.raises(RunError, match="60"):
+        from_python(run, 12, 60)
+    run.representation.unlink()
+    with pytest.raises(RunError, match="run `selftouch learn"):
+        from_python(run, 12, 3)
 
 
 def with_pairs(run, num_pairs):

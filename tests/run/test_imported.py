@@ -18,6 +18,7 @@ from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import imported, stages
+from selftouch_drake.run import load_motion as from_python
 from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.imported import imported_experiment, read_data
@@ -216,6 +217,16 @@ def test_a_plan_from_any_posture_is_a_joint_trajectory_too(run, monkeypatch):
     assert one.read_bytes() == other.read_bytes()
 
 
+def test_its_motions_are_loaded_from_python(run):
+    stored = from_python(run.path, 3, 100)
+    np.testing.assert_array_equal(stored.q, load_motion(run, 3, 100).q)
+    assert not run.plan(3, 40).exists()
+    new = from_python(run.path, 3, 40)
+    assert new.plan.nodes[[0, -1]].tolist() == [3, 40]
+    assert new.q.shape == (len(new.time_s), 7)
+    assert not run.plan(3, 40).exists(), "a new plan is not stored"
+
+
 def test_the_report_says_what_there_is(run):
     assert selftouch("report", run.path) == 0
     page = run.report.read_text()
@@ -223,6 +234,8 @@ def test_the_report_says_what_there_is(run):
     assert "Another robot recorded its 7 joints (joint_0, joint_1" in text
     assert "taxels[7]" in text
     assert page.count("was imported, without a robot") == 1
+    assert not run.babbling.exists(), "nothing of it babbled in Drake"
+    assert "babbling.html" not in page
     assert "selftouch evaluate" not in page
     assert {path.stem for path in run.figures.glob("*.png")} == {
         *("quotient_graph", "persistence"),

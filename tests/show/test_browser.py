@@ -93,6 +93,21 @@ def test_the_recording_moves_and_colours_the_skin(chromium, reported, tmp_path):
     assert at_first != at_last
 
 
+def test_babbling_moves_the_robot_from_the_link_of_the_report(chromium, reported, tmp_path):
+    with visited(chromium, reported.report.as_uri()) as (page, errors):
+        page.get_by_role("link", name="Watch the first ten seconds").click()
+        page.wait_for_function("typeof viewer == 'object' && viewer.animator.duration > 0")
+        assert page.evaluate("viewer.animator.duration") == pytest.approx(10.0, abs=0.2)
+        colors_at(page, 0.0)
+        first = picture(page, tmp_path / "babbling_first.png")
+        colors_at(page, 5.0)
+        later = picture(page, tmp_path / "babbling_later.png")
+        assert page.get_by_text("joint controllers follow its random walk").is_visible()
+    assert errors == []
+    assert num_colors(first) > 50
+    assert changed(first, later) > 0.002
+
+
 def position_at(page, time_s: float, *path: str) -> list[float]:
     """Position of an object in its parent, at a time of the recording."""
     return page.evaluate(

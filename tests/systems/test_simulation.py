@@ -7,13 +7,14 @@ import pytest
 import robots
 
 from selftouch_drake.agent.planning.timing import time_path
-from selftouch_drake.bodies.drake import DrakeBody
+from selftouch_drake.bodies.drake import DrakeBodies, DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.schema import JointSettings
 from selftouch_drake.quotient.smooth import smooth_path
+from selftouch_drake.robot import World
 from selftouch_drake.robot.imperfections import slip
-from selftouch_drake.systems.simulation import LOG_PERIOD, Simulation, simulation_of
+from selftouch_drake.systems.simulation import LOG_PERIOD, Babbling, Simulation, simulation_of
 
 
 @pytest.fixture(scope="module", params=["in the air", "through the skin"])
@@ -209,3 +210,74 @@ def test_joints_are_led_on_from_where_they_are_commanded_to_be(world):
     log = simulation.take_log()
     assert len(log.time_s) >= 15
     assert np.all(log.v[4:] > 0.1)
+
+
+def test_a_robot_is_taken_over_as_it_is(cube_world):
+    simulation, q = Simulation(cube_world.experiment, cube_world.skins), free_start(cube_world)
+    commanded, v = q + 0.01, np.linspace(-0.2, 0.2, len(q))
+    simulation.rest_at(0.5 * q)
+    simulation.advance_to(0.1)
+    simulation.take_over(commanded, q, v)
+    assert simulation.time_s == 0.0
+    np.testing.assert_array_equal(simulation.q, q)
+    np.testing.assert_array_equal(simulation.v, v)
+    np.testing.assert_array_equal(simulation.q_commanded, commanded)
+    simulation.advance_to(1.0)
+    np.testing.assert_allclose(simulation.q, commanded, atol=5e-3)
+    np.testing.assert_allclose(simulation.take_log().q[0], q)
+
+
+def test_a_robot_that_travels_approaches_a_walk_unlogged(cube_world):
+    babbling, q = Babbling(cube_world.experiment, cube_world.skins), free_start(cube_world)
+    first, second = babbling.babbler.first_node(0), babbling.babbler.first_node(1)
+    assert np.abs(first - second).max() > 0.1
+    babbling.go_on_to(1, q, np.zeros(len(q)), q_from=q, approach_s=1.5)
+    assert babbling.time_s == 1.5
+    np.testing.assert_allclose(babbling.q_commanded, second, atol=1e-12)
+    babbling.advance_to(1.6)
+    log = babbling.take_log()
+    assert len(log.time_s)
+    assert log.time_s[0] > 1.5, "what it feels on the way is not logged"
+
+
+@pytest.fixture(scope="module")
+def traveller():
+    """The world of a cube that babbles under dynamics and cannot jump."""
+    babbling = {"mode": "dynamic", "jumps": False}
+    return World(load_experiment("cube", {"babbling": babbling}))
+
+
+def from_walk_to_motion_to_walk(world):
+    """A body that babbles, follows a motion and babbles again; where it was at each handover."""
+    body, ends, begins = DrakeBodies(world).babbling, [], []
+    go_on = body.babble(0)
+    go_on()
+    ends.append(body._runs.q.copy())
+    q = np.linspace(body._at, body._at + 0.05, 11)
+    followed = body.follow(0.1 * np.arange(11), q)
+    begins.append(followed.q[0])
+    ends.append(body._runs.q.copy())
+    travelled = body.robot_s
+    go_on = body.babble(1)
+    approach_s = body.robot_s - travelled
+    felt = go_on()
+    begins.append(felt.q[0])
+    return body, ends, begins, approach_s
+
+
+def test_a_robot_that_travels_never_jumps_between_its_diagrams(traveller):
+    body, ends, begins, approach_s = from_walk_to_motion_to_walk(traveller)
+    # A sample later, no joint is further than it may have gone.
+    assert (np.abs(begins[0] - ends[0]) <= 0.03 * body.velocity).all()
+    first = body._babbling.babbler.first_node(1)
+    needs = (np.abs(first - ends[1]) / body.velocity).max()
+    assert approach_s >= 1.9 * needs, "it travels at half of its speed"
+    assert np.abs(begins[1] - first).max() < 0.1
+    assert body.robot_s == pytest.approx(10.0 + 1.0 + approach_s + 10.0)
+
+
+def test_handovers_are_the_same_again(traveller):
+    _, *one = from_walk_to_motion_to_walk(traveller)
+    _, *other = from_walk_to_motion_to_walk(traveller)
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a, b)

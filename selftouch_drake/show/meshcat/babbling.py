@@ -7,7 +7,7 @@ from selftouch_drake.colors import FIRM
 from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experience.walk import CHOICE_S
 from selftouch_drake.robot import World
-from selftouch_drake.run.directory import MissingError, RunDirectory
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.meshcat.recording import REPETITIONS, with_legend
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, FeelingRobot, Stage, drawn_page
 from selftouch_drake.systems.simulation import Babbling
@@ -26,11 +26,9 @@ def babbling_page(run: RunDirectory, world: World) -> str:
     active explorer has no walk: the page shows the postures of its first touches.
 
     Raises:
-        MissingError: it has not babbled.
+        StoreError: it has not babbled.
     """
     experience = ExperienceReader(run.experience)
-    if not experience.num_rows:
-        raise MissingError(f"{run.path} has no experience; run `selftouch babble` first")
     sensation = next(experience.batches("sensation"))
     full = float(np.quantile(np.linalg.norm(sensation, axis=1), _WEAKER)) or FIRM
     name, active = run.experiment.name, run.experiment.babbling.strategy == "active"

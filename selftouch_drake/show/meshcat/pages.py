@@ -8,14 +8,16 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
+from selftouch_drake.bodies.drake import while_babbling
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
 from selftouch_drake.run.lifelong import Watcher, mood
 from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
-from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, shown_page
+from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, Stage, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of, typical_extent
 from selftouch_drake.show.style import VIEW
+from selftouch_drake.systems.simulation import Simulation
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.lifelong.life import Life
@@ -67,14 +69,41 @@ def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None
             time.sleep(FRAME_S)
 
 
+class BabblingRobot(Stage):
+    """A robot that babbles under dynamics, in the diagram of `MakeSelfTouchDiagram`.
+
+    Attributes:
+        simulation: it shows itself, with what it feels.
+    """
+
+    def __init__(self, meshcat: Meshcat, world: World):
+        super().__init__(meshcat, world)
+        self.simulation = Simulation(
+            while_babbling(world.experiment),
+            world.skins,
+            num_joints=world.robot.num_joints,
+            log_period=np.inf,
+            meshcat=meshcat,
+        )
+
+    def show(self, q: np.ndarray, felt: np.ndarray) -> None:
+        """Simulates a frame from rest at `(J,)` q; what was felt there before is not shown."""
+        self.simulation.rest_at(q)
+        self.simulation.advance(FRAME_S)
+        self.simulation.show()
+
+
 class LifePage(Watcher):
     """Shows the life of an agent.
+
+    A robot that babbled under dynamics is simulated at its touches; of one that babbled without,
+    the stored touches are shown.
 
     Attributes:
         robot: the robot with its current body.
     """
 
-    robot: FeelingRobot
+    robot: FeelingRobot | BabblingRobot
 
     def __init__(self, meshcat: Meshcat):
         self._meshcat = meshcat
@@ -84,7 +113,9 @@ class LifePage(Watcher):
         """Draws the robot with its current body."""
         self._meshcat.Delete("/drake")
         self._meshcat.Delete("/skins")
-        self._world, self.robot = world, FeelingRobot(self._meshcat, world)
+        dynamic = world.experiment.babbling.mode == "dynamic"
+        self._world = world
+        self.robot = (BabblingRobot if dynamic else FeelingRobot)(self._meshcat, world)
 
     def lived(self, q: np.ndarray, sensation: np.ndarray, life: "Life") -> None:
         """Shows some of the touches from which the agent learned.

@@ -169,8 +169,9 @@ class Stage:
 class FeelingRobot(Stage):
     """A robot in Meshcat that is posed and coloured: of stored touches, and of sliders.
 
-    Nothing is simulated, and it feels nothing itself: who shows it says where it is and what it
-    feels. What is simulated shows itself, by `MakeSelfTouchDiagram`. Without a Python system, its
+    Only where nothing is simulated: for kinematic babbling, stored touches and sliders. It feels
+    nothing itself: who shows it says where it is and what it feels. What is simulated, under
+    dynamics, shows itself by `MakeSelfTouchDiagram`. Without a Python system, its
     diagram is freed by older Drakes too, and so is its Meshcat.
 
     Args:
