@@ -158,7 +158,7 @@ def systems_in(text: str) -> set[str]:
         and (node.module or "").startswith("pydrake.systems")
         and node.module != "pydrake.systems.lcm"  # messages are no systems
         for alias in node.names
-        if alias.name != "Context"  # who poses a plant is handed one
+        if alias.name != "Context"  # a plant's state, which its functions are given
     }
     modules = {
         alias.name
