@@ -260,17 +260,21 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
         RunError: there is no such target sensation, or nothing was learned.
         ValueError: no plan exists, or `q_start` is not a configuration within the limits.
     """
-    motion = planned(run, *targets, q_start=q_start)
+    motion = _planned_in_body(run, *targets, q_start=q_start)
     _keep_plan(run, motion, *([] if q_start is None else [free_start(q_start)]), *targets)
     return motion
 
 
-def planned(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) -> Motion:
-    """As `plan`, but keeps nothing; in an imported run, as `plan_imported`."""
+def planned(run: RunDirectory, *targets: int) -> Motion:
+    """As `plan`, but keeps nothing; in an imported run without a body, as `plan_imported`."""
     if run.experiment.imported is not None and not bodies_of.knows(
         run.experiment.after(0), run.fingerprint()
     ):
         return _planned_imported(run, *targets)[0]
+    return _planned_in_body(run, *targets)
+
+
+def _planned_in_body(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) -> Motion:
     pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
     query = pilot.plan(*targets) if q_start is None else pilot.plan_from(q_start, *targets)

@@ -57,7 +57,7 @@ class Log:
 class RunningDiagram:
     """A self-touch diagram that runs, whoever commands it.
 
-    Drake before 1.58 never frees a diagram with a Python system: each keeps 31 MB of the cube's
+    Drake 1.51 never frees a diagram with a Python system: each keeps 31 MB of the cube's
     robot (`benchmarks/cost/diagrams.py`). One serves any number of motions or walks: keep it.
 
     Args:

@@ -99,6 +99,8 @@ SMALL: dict[str, list[str]] = {
     "accuracy/layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
     "cost/cluster": ["{run}"],
     "others/foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
+    "accuracy/body_model": ["sphere", "--seeds=1", "--touches=3000", "--runs={tmp}"],
+    "cost/diagrams": ["--count", "1"],
     "accuracy/calibration": ["--seeds=1", "--out={tmp}/table.md"],
     "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }

@@ -238,7 +238,7 @@ def test_the_report_says_what_there_is(run):
     assert "babbling.html" not in page
     assert "selftouch evaluate" not in page
     assert {path.stem for path in run.figures.glob("*.png")} == {
-        *("quotient_graph", "persistence"),
+        *("quotient_graph", "persistence", "skeleton"),
     }
 
 

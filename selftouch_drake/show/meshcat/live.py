@@ -97,6 +97,8 @@ class LiveShow:
             elif not self._braking:
                 self._begin()
         self.simulation.advance(FRAME_S * self._rate)
+        # The diagram publishes at whole frames; what stands beside the robot is of this instant.
+        self.simulation.show()
         felt = self.simulation.felt
         self._scene.show(self.simulation.q, felt)
         if self._braking:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import an_arm, misfit, touches
+from hand_made_chains import an_arm, misfit, touches
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.body_model.chain import places

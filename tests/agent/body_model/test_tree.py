@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import an_arm, touches
+from hand_made_chains import an_arm, touches
 
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import limbs, who_touched
