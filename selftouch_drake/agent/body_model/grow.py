@@ -208,12 +208,14 @@ class _Grower:
         new = [joint for joint in self.held[part] if joint not in known]
         found: list[Body] = []
         if part not in self.chains and 0 < len(new) <= _MOST_NEW:
-            # Between the tree and the skin, whoever touched: those of other hands are outliers.
+            # Between the tree and the skin. All touches of one hand, if densities tell them.
+            toucher, group = self._most_of_one_hand(body, part)
             tried = attached(
-                self.search, self.scene, self.groups[part], body, part,
+                self.search, self.scene, group, _only(body, toucher), part,
                 inner=new, outer=[], shared=None,
             )[:3]  # fmt: skip
-            found += [self._with_all_hands(one, part) for one in tried]
+            whole = [replace(one, links=_all_touchers(one.links, body.links)) for one in tried]
+            found += [self._with_all_hands(one, part) for one in whole]
         chain = self.chain(part, 1)
         if chain is None:
             return found
@@ -229,6 +231,28 @@ class _Grower:
             self.search, self.scene, self.groups[part], body, part,
             inner=inner, outer=outer, shared=shared,
         )[:3]  # fmt: skip
+
+    def _most_of_one_hand(self, body: Body, part: int) -> tuple[int, Group]:
+        """The toucher of most touches that densities tell surely, and these."""
+        group, links = self.groups[part], body.links
+        if len(links.toucher) < 2:
+            return next(iter(links.toucher)), group
+        statistic, _ = self.statistic[part]
+        cores = []
+        for toucher, link in links.toucher.items():
+            ways = [links.way(link, other) for u, other in links.toucher.items() if u != toucher]
+            # The joints nearest to the hand that no other hand has.
+            own = order_of(min(ways, key=len))
+            own = own[: max(3, len(own) // 2)]
+            cores.append(sorted(sorted(own, key=lambda j: -statistic[j].max())[:3]))
+        share = who_touched(self.search.q, group, cores)
+        sure = [(share.argmax(axis=1) == u) & (share[:, u] > _SURE) for u in range(len(cores))]
+        most = int(np.argmax([np.sum(of_one) for of_one in sure]))
+        rows = group.rows[sure[most]]
+        one = Group.of(rows, self.scene.target[rows])
+        if one.num_kernels < 8:
+            return list(links.toucher)[most], group
+        return list(links.toucher)[most], one
 
     def _with_all_hands(self, body: Body, part: int) -> Body:
         """The body with every toucher that may have touched the part."""
@@ -264,3 +288,14 @@ def _disjoint(chains: list[tuple[Bodies, np.ndarray]]) -> list[tuple[Bodies, np.
             kept.append((chain, rows))
             known |= joints
     return kept
+
+
+def _only(body: Body, toucher: int) -> Body:
+    """The body with one of its touchers alone."""
+    links = replace(body.links, toucher={toucher: body.links.toucher[toucher]})
+    return replace(body, links=links)
+
+
+def _all_touchers(links: Links, former: Links) -> Links:
+    """The links with the touchers of former ones."""
+    return replace(links, toucher=former.toucher)

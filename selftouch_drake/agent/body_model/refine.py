@@ -48,8 +48,9 @@ class Scene:
 
     @property
     def parts(self) -> list[int]:
-        """Parts that a toucher reaches."""
-        return sorted({part for part, _ in self.ways})
+        """Parts that a toucher reaches, and that touches met."""
+        met = set(self.part[self.target].tolist())
+        return sorted({part for part, _ in self.ways} & met)
 
     def touchers(self, part: int) -> np.ndarray:
         """Touchers that may touch a part."""
@@ -115,7 +116,7 @@ def all_places(scene: Scene, twists: np.ndarray, points: np.ndarray) -> np.ndarr
 
 def _kernel_sums(values: np.ndarray, target: np.ndarray, number: int) -> np.ndarray:
     """Sums of `(n, ...)` values over the touches of each kernel."""
-    flat = values.reshape(len(values), -1)
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
     sums = [np.bincount(target, weights=flat[:, k], minlength=number) for k in range(flat.shape[1])]
     return np.stack(sums, axis=1).reshape(number, *values.shape[1:])
 
@@ -367,6 +368,8 @@ def equations(scene: Scene, solution: Solution) -> Equations:
         solved = []
         for toucher in touchers:
             kept = rows[solution.share[rows, toucher] > 1e-3]
+            if len(kept) == 0:
+                continue  # It does not touch this part after all.
             solved.append(
                 (
                     kept,
@@ -374,14 +377,22 @@ def equations(scene: Scene, solution: Solution) -> Equations:
                     *_slopes(scene, solution, kept, part, toucher),
                 )
             )
+        if not solved:
+            continue
         count = sum(weight.sum() for _, weight, *_ in solved)
+        # As in `settled`: each kernel's mean takes the freedom of one of its touches.
+        met = [
+            np.bincount(scene.target[kept], weights=weight, minlength=number)
+            for kept, weight, *_ in solved
+        ]
+        free = max(count - (np.sum(met, axis=0) > 0.5).sum(), 1.0)
         center, total = _total([(y, weight) for _, weight, y, *_ in solved])
         total_inverse = np.linalg.inv(total)
         for kept, weight, y, slope, columns in solved:
             target = scene.target[kept]
-            factor = 2 * weight / count / per_part
+            factor = 2 * weight / free / per_part
             r, t = y - solution.place[target], y - center
-            pull = np.einsum("nab,nb->na", W[target], r) - t @ total_inverse
+            pull = np.einsum("nab,nb->na", W[target], r) - (free / count) * t @ total_inverse
             own = np.einsum("n,na,nap->np", factor, pull, slope)
             sums = _kernel_sums(own, target, number)
             scores[:, columns] += sums
