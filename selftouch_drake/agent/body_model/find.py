@@ -355,9 +355,10 @@ def _finished_tree(
     solution, kind = _kinds(search, touches, scene, solution)
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
     final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
-        scale=touches.scale, kind=kind, order_group=_commuting(tree, adjoint(normalizing(final.place), solution.twists)),
+        scale=touches.scale, kind=kind, order_group=groups,
         judgements=verdicts, seed=seed,
     )  # fmt: skip
 
