@@ -7,7 +7,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model import grow, structure
-from selftouch_drake.agent.body_model.assemble import Found, assembled
+from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
+from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
 from selftouch_drake.agent.body_model.forest import Body
 from selftouch_drake.agent.body_model.judge import Judgement, held_out, judged
@@ -354,15 +355,21 @@ def _finished_tree(
     solution, kind = _kinds(search, touches, scene, solution)
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
     final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
-        scale=touches.scale, kind=kind, order_group=_commuting(tree, solution.twists),
+        scale=touches.scale, kind=kind, order_group=groups,
         judgements=verdicts, seed=seed,
     )  # fmt: skip
 
 
 def _commuting(tree: Tree, twists: np.ndarray) -> np.ndarray:
-    """`(J,)` the same number for neighbours in a row whose order makes no difference."""
+    """`(J,)` the same number for neighbours in a row whose order makes no difference.
+
+    Args:
+        tree: of joints.
+        twists: `(J, 6)` in a frame whose unit and origin are those of the body.
+    """
     groups = np.full(len(twists), -1)
     carriers = [*tree.parent.values(), *tree.part.values(), *tree.toucher.values()]
     for joint, above in tree.parent.items():
@@ -371,8 +378,13 @@ def _commuting(tree: Tree, twists: np.ndarray) -> np.ndarray:
             continue
         (w, v), (x, y) = np.split(twists[joint], 2), np.split(twists[above], 2)
         bracket = np.r_[np.cross(w, x), np.cross(w, y) - np.cross(x, v)]
-        size = np.linalg.norm(twists[joint]) * np.linalg.norm(twists[above])
-        if np.linalg.norm(bracket) < _COMMUTE * size:
+        if np.linalg.norm(bracket) < _COMMUTE * _amount(w, v) * _amount(x, y):
             group = max(groups[joint], groups[above])
             groups[[joint, above]] = group if group >= 0 else groups.max() + 1
     return groups
+
+
+def _amount(w: np.ndarray, v: np.ndarray) -> float:
+    """How much a joint turns, or slides if it does not turn, per unit of its reading."""
+    turns = float(np.linalg.norm(w))
+    return turns if turns > 0 else float(np.linalg.norm(v))

@@ -6,6 +6,7 @@ from hand_made_chains import an_arm, touches
 
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import limbs, who_touched
+from selftouch_drake.agent.body_model.find import _commuting
 from selftouch_drake.agent.body_model.fit import Group, random_twists
 from selftouch_drake.agent.body_model.forest import Body, Links, hung, similarity, twist_similarity
 from selftouch_drake.agent.body_model.model import BASE
@@ -116,3 +117,14 @@ def test_a_skin_is_hung_where_it_explains_most_touches():
     assert found.links.part == {0: 0}
     assert found.pairs == ((0, 0), (0, 1))
     assert share > 0.85
+
+
+def test_only_joints_that_commute_may_change_places():
+    axis, other = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+    through = np.array([0.5, 0.2, 0])
+    coaxial = np.r_[axis, np.cross(through, axis)]
+    crossing = np.r_[other, np.cross(through, other)]
+    slide, across = np.r_[np.zeros(3), axis], np.r_[np.zeros(3), other]
+    tree = Tree.chain([0, 1, 2, 3, 4])
+    twists = np.stack([coaxial, -2 * coaxial, crossing, slide, across])
+    assert _commuting(tree, twists).tolist() == [0, 0, -1, 1, 1]
