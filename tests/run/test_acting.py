@@ -195,7 +195,7 @@ def test_tries_end_at_the_first_perfect_one_or_at_the_most(run, world, monkeypat
         one = judged_try(execution, representation)
         return dataclasses.replace(one, contact=scripted.pop(0), reached=True)
 
-    monkeypatch.setattr(pilot_module, "judge", judged)
+    monkeypatch.setattr(pilot_module, "judged_try", judged)
     assert [one.contact for one in pilot.rehearse(3, 20, max_tries=6)] == [0.9, 0.95, 1.0]
     assert pilot.agent.memory.num_tries == 3
     scripted[:] = [0.5, 0.5, 0.5]
