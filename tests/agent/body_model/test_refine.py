@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import an_arm, misfit, touches
+from hand_made_chains import an_arm, misfit, touches
 
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.refine import (
