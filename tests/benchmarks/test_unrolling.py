@@ -2,7 +2,7 @@ import sys
 
 import numpy as np
 import pytest
-from bodies import along_sphere, sphere, torus
+from bodies_by_hand import along_sphere, sphere, torus
 
 from benchmarks.accuracy.unrolling import double_cover, landmarks, torsion, turns
 

@@ -8,7 +8,7 @@ import pytest
 
 from selftouch_drake.quotient import learn
 
-# pytest's importlib mode imports each test file by itself: this lets them share `bodies`.
+# pytest's importlib mode imports each test file by itself: this lets them share `bodies_by_hand`.
 sys.path.insert(0, str(Path(__file__).parent))
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import shape_error
+from bodies_by_hand import shape_error
 
 from selftouch_drake.quotient import learn, recover
 from selftouch_drake.quotient.layout import classical_embedding

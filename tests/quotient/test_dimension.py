@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import (
+from bodies_by_hand import (
     along_sphere,
     bowl,
     cube,

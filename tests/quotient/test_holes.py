@@ -2,7 +2,7 @@ import time
 
 import numpy as np
 import pytest
-from bodies import cube, patch, ring, sphere, square, torus
+from bodies_by_hand import cube, patch, ring, sphere, square, torus
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ripser import ripser

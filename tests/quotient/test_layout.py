@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import along_sphere, cube, neighbours, shape_error, sphere, torus
+from bodies_by_hand import along_sphere, cube, neighbours, shape_error, sphere, torus
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist, squareform

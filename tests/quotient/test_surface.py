@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import cube, sphere, torus
+from bodies_by_hand import cube, sphere, torus
 
 from selftouch_drake.quotient.holes import topology
 from selftouch_drake.quotient.surface import fitted_surface, rolled_surface

@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from bodies import sphere
+from bodies_by_hand import sphere
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape.recovery import LEAST_MARGIN, MOST_ERROR, recover, unevenness

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import sphere
+from bodies_by_hand import sphere
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.shape.fields import corrected_lengths

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import shape_error, sphere
+from bodies_by_hand import shape_error, sphere
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner

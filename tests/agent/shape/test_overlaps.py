@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import shape_error, sphere
+from bodies_by_hand import shape_error, sphere
 
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.touches import expected_readings, receptors_together

@@ -1,5 +1,5 @@
 import numpy as np
-from bodies import sphere
+from bodies_by_hand import sphere
 
 from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
 from selftouch_drake.quotient.kernels import KernelSets

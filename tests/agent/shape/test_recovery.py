@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bodies import flat_torus, shape_error
+from bodies_by_hand import flat_torus, shape_error
 from skins import touch
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
