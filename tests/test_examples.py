@@ -91,6 +91,7 @@ def test_a_robot_stops_where_it_is_pressed_too_hard():
     assert run("own_robot") == [True, True, False]
 
 
+@pytest.mark.slow
 def test_an_arm_is_a_chain_of_joints_and_mixed_readings_are_none():
     plain, mixed = run("no_chain", 3000, 0.5)
     assert plain.accepted

@@ -75,7 +75,7 @@ def test_two_fingers_of_one_hand_are_told_apart():
     assert 0.5 * true.mean() < true[model.kernel_toucher >= 0].mean() < 1.5 * true.mean()
 
 
-@pytest.mark.parametrize("wrong", ["mixed", "shuffled"])
+@pytest.mark.parametrize("wrong", [pytest.param("mixed", marks=pytest.mark.slow), "shuffled"])
 def test_what_is_no_body_is_rejected(wrong):
     q, target, _ = touches(*an_arm())
     if wrong == "mixed":
