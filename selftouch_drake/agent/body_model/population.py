@@ -10,8 +10,11 @@ distribution: each touch has a weight, and those far away have little. At the be
 the best weighted means the gradient is that of fixed weights.
 
 Places are kept in tiles of structures of arrays, in single precision, because that is what the
-compiler turns into vector instructions; sums may be taken in any order for the same reason, which
-makes them differ in the last bits between kinds of processors, as BLAS does.
+compiler turns into vector instructions; sums over a tile may be taken in any order for the same
+reason, which makes them differ in the last bits between kinds of processors, as BLAS does. All of
+it is in one array: before a compiled loop runs as vectors it compares the addresses of what it
+reads and writes, and with arrays of their own the last bits would depend on where these happen to
+lie. What is summed in double precision keeps the order of the code.
 """
 
 import math
@@ -27,8 +30,9 @@ _OPTIONS: dict[str, Any] = {
     "no_cfunc_wrapper": True,
 }
 _SUMS: Any = {"reassoc", "contract", "nsz", "arcp"}
-_kernel = numba.njit(**_OPTIONS, fastmath=_SUMS)
-_inner = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}), fastmath=_SUMS)
+_compiled = numba.njit(**_OPTIONS)
+_inner = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}))
+_in_any_order = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}), fastmath=_SUMS)
 
 F, U = np.float32, np.uint64
 #: Rows of a tile; draws are padded to a multiple.
@@ -88,8 +92,8 @@ class Draws(NamedTuple):
     weight: np.ndarray
 
 
-@_inner
-def _forward(places, readings, at, out, read, sign, twist):
+@_in_any_order
+def _forward(room, at, out, read, sign, twist):
     """Moves the points of one tile by one joint: from `at` to `out`, keeping a1 and a2 at `out`."""
     w0, w1, w2 = F(twist[0]), F(twist[1]), F(twist[2])
     v0, v1, v2 = F(twist[3]), F(twist[4]), F(twist[5])
@@ -97,63 +101,63 @@ def _forward(places, readings, at, out, read, sign, twist):
     n = F(math.sqrt(n2))
     largest = F(0)
     for i in range(_T):
-        largest = max(largest, abs(readings[read + i]))
+        largest = max(largest, abs(room[read + i]))
     if n * largest < _ONE:
         for i in range(_T):
-            t = sign * readings[read + i]
+            t = sign * room[read + i]
             t2 = t * t
             s = t2 * n2
-            places[out + U(3 * TILE) + i] = t2 * (
+            room[out + U(3 * TILE) + i] = t2 * (
                 _HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4)))
             )
-            places[out + U(4 * TILE) + i] = (
+            room[out + U(4 * TILE) + i] = (
                 t * t2 * (_B0 - s * (_B1 - s * (_B2 - s * (_B3 - s * _B4))))
             )
     else:
         i2 = _ONE / n2
         i3 = i2 / n
         for i in range(_T):
-            angle = n * sign * readings[read + i]
+            angle = n * sign * room[read + i]
             k = F(math.floor(angle * _INV_PI + _HALF))
             y = (angle - k * _PI_A) - k * _PI_B
             flip = _ONE - _TWO * (k - _TWO * F(math.floor(k * _HALF)))
             y2 = y * y
             sine = flip * y * (_ONE + y2 * (_S1 + y2 * (_S2 + y2 * (_S3 + y2 * (_S4 + y2 * _S5)))))
             less = y2 * (_HALF - y2 * (_C2 - y2 * (_C3 - y2 * (_C4 - y2 * (_C5 - y2 * _C6)))))
-            places[out + U(3 * TILE) + i] = (_ONE - flip + flip * less) * i2
-            places[out + U(4 * TILE) + i] = (angle - sine) * i3
+            room[out + U(3 * TILE) + i] = (_ONE - flip + flip * less) * i2
+            room[out + U(4 * TILE) + i] = (angle - sine) * i3
     for i in range(_T):
-        t = sign * readings[read + i]
-        x, y, z = places[at + i], places[at + _T + i], places[at + U(2 * TILE) + i]
-        a1, a2 = places[out + U(3 * TILE) + i], places[out + U(4 * TILE) + i]
+        t = sign * room[read + i]
+        x, y, z = room[at + i], room[at + _T + i], room[at + U(2 * TILE) + i]
+        a1, a2 = room[out + U(3 * TILE) + i], room[out + U(4 * TILE) + i]
         u0 = w1 * z - w2 * y + v0
         u1 = w2 * x - w0 * z + v1
         u2 = w0 * y - w1 * x + v2
         c0, c1, c2 = w1 * u2 - w2 * u1, w2 * u0 - w0 * u2, w0 * u1 - w1 * u0
-        places[out + i] = x + t * u0 + a1 * c0 + a2 * (w1 * c2 - w2 * c1)
-        places[out + _T + i] = y + t * u1 + a1 * c1 + a2 * (w2 * c0 - w0 * c2)
-        places[out + U(2 * TILE) + i] = z + t * u2 + a1 * c2 + a2 * (w0 * c1 - w1 * c0)
+        room[out + i] = x + t * u0 + a1 * c0 + a2 * (w1 * c2 - w2 * c1)
+        room[out + _T + i] = y + t * u1 + a1 * c1 + a2 * (w2 * c0 - w0 * c2)
+        room[out + U(2 * TILE) + i] = z + t * u2 + a1 * c2 + a2 * (w0 * c1 - w1 * c0)
 
 
-@_inner
-def _backward(places, readings, slopes, at, out, read, sign, twist, gradient):
-    """Carries `dL/dplace` of one tile, in `slopes`, back from `out` to `at`; adds to `gradient`."""
+@_in_any_order
+def _backward(room, slopes, at, out, read, sign, twist, gradient):
+    """Carries `dL/dplace` of one tile, at `slopes`, back from `out` to `at`; adds to `gradient`."""
     w0, w1, w2 = F(twist[0]), F(twist[1]), F(twist[2])
     v0, v1, v2 = F(twist[3]), F(twist[4]), F(twist[5])
     n2 = w0 * w0 + w1 * w1 + w2 * w2
     n = F(math.sqrt(n2))
     largest = F(0)
     for i in range(_T):
-        largest = max(largest, abs(readings[read + i]))
+        largest = max(largest, abs(room[read + i]))
     series = n * largest < _ONE
     i2 = _ONE / max(n2, F(1e-20))
     m0, m1, m2, e0, e1, e2 = F(0), F(0), F(0), F(0), F(0), F(0)
     first = F(0)
     for i in range(_T):
-        t = sign * readings[read + i]
-        x, y, z = places[at + i], places[at + _T + i], places[at + U(2 * TILE) + i]
-        a1, a2 = places[out + U(3 * TILE) + i], places[out + U(4 * TILE) + i]
-        g0, g1, g2 = slopes[i], slopes[_T + i], slopes[U(2 * TILE) + i]
+        t = sign * room[read + i]
+        x, y, z = room[at + i], room[at + _T + i], room[at + U(2 * TILE) + i]
+        a1, a2 = room[out + U(3 * TILE) + i], room[out + U(4 * TILE) + i]
+        g0, g1, g2 = room[slopes + i], room[slopes + _T + i], room[slopes + U(2 * TILE) + i]
         u0 = w1 * z - w2 * y + v0
         u1 = w2 * x - w0 * z + v1
         u2 = w0 * y - w1 * x + v2
@@ -181,9 +185,9 @@ def _backward(places, readings, slopes, at, out, read, sign, twist, gradient):
         e0 += h0
         e1 += h1
         e2 += h2
-        slopes[i] = g0 + h1 * w2 - h2 * w1
-        slopes[_T + i] = g1 + h2 * w0 - h0 * w2
-        slopes[U(2 * TILE) + i] = g2 + h0 * w1 - h1 * w0
+        room[slopes + i] = g0 + h1 * w2 - h2 * w1
+        room[slopes + _T + i] = g1 + h2 * w0 - h0 * w2
+        room[slopes + U(2 * TILE) + i] = g2 + h0 * w1 - h1 * w0
     gradient[0] += m0 + first * w0
     gradient[1] += m1 + first * w1
     gradient[2] += m2 + first * w2
@@ -374,7 +378,7 @@ def _descend(value, slope, mean, square, rate, step):
         value[i] -= rate * (mean[i] / c1) / (math.sqrt(square[i] / c2) + _TINY)
 
 
-@_kernel
+@_compiled
 def descend(draws, ways, twists, points, rate, tail):
     """Adam with cosine decay, each member for itself, all on the same draws.
 
@@ -395,10 +399,11 @@ def descend(draws, ways, twists, points, rate, tail):
     num_points, longest, members = points.shape[1], ways.joint.shape[2], draws.members
     num_tiles = num_rows // TILE
     stride = U(longest + 1) * _KEPT
-    places = np.zeros(num_tiles * (longest + 1) * 5 * TILE, F)
-    readings = np.zeros((num_groups, num_joints * num_rows), F)
-    x, slopes = np.zeros((3, num_rows)), np.zeros((3, num_rows))
-    tile_slopes, weights = np.zeros(3 * TILE, F), np.zeros(num_rows)
+    # Places of all tiles, readings of all groups, slopes of one tile.
+    of_readings = U(num_tiles) * stride
+    tile_slopes = of_readings + U(num_groups * num_joints * num_rows)
+    room = np.zeros(tile_slopes + U(3 * TILE), F)
+    x, slopes, weights = np.zeros((3, num_rows)), np.zeros((3, num_rows)), np.zeros(num_rows)
     means, work = np.zeros((num_rows, 3)), np.zeros((4, 3, 3))
     within = np.zeros((num_members, num_groups, 3, 3))
     history = np.zeros((num_members, num_groups))
@@ -409,31 +414,33 @@ def descend(draws, ways, twists, points, rate, tail):
         now = rate * 0.5 * (1 + math.cos(math.pi * step / steps))
         for group in range(num_groups):
             for joint in range(num_joints):
+                read = of_readings + U((group * num_joints + joint) * num_rows)
                 for i in range(num_rows):
-                    readings[group, joint * num_rows + i] = q[joint, rows[step, group, i]]
+                    room[read + U(i)] = q[joint, rows[step, group, i]]
         for b in range(num_members):
             by_twist[:] = 0
             by_point[:] = 0
             for group in range(num_groups):
                 length, toucher = ways.length[b, group], ways.toucher[group]
-                read = readings[group]
                 for tile in range(num_tiles):
                     at = U(tile) * stride
                     tip = at + U(length) * _KEPT
                     for axis in range(3):
                         p = F(points[b, toucher, axis])
                         for i in range(_T):
-                            places[tip + U(axis * TILE) + i] = p
+                            room[tip + U(axis * TILE) + i] = p
                     for k in range(length - 1, -1, -1):
                         joint = ways.joint[b, group, k]
+                        read = of_readings + U(
+                            (group * num_joints + joint) * num_rows + tile * TILE
+                        )
                         _forward(
-                            places, read, at + U(k + 1) * _KEPT, at + U(k) * _KEPT,
-                            U(joint * num_rows + tile * TILE), F(ways.sign[b, group, k]),
-                            twists[b, joint],
+                            room, at + U(k + 1) * _KEPT, at + U(k) * _KEPT, read,
+                            F(ways.sign[b, group, k]), twists[b, joint],
                         )  # fmt: skip
                     for axis in range(3):
                         for i in range(_T):
-                            x[axis, tile * TILE + i] = places[at + U(axis * TILE) + i]
+                            x[axis, tile * TILE + i] = room[at + U(axis * TILE) + i]
                 value = _criterion(
                     x, slopes, weights, means, within[b, group],
                     draws.num_kernels[group], members, tail, draws.weight[group], work,
@@ -448,18 +455,21 @@ def descend(draws, ways, twists, points, rate, tail):
                     at = U(tile) * stride
                     for axis in range(3):
                         for i in range(_T):
-                            tile_slopes[U(axis * TILE) + i] = F(slopes[axis, tile * TILE + i])
+                            slope = F(slopes[axis, tile * TILE + i])
+                            room[tile_slopes + U(axis * TILE) + i] = slope
                     for k in range(length):
                         joint = ways.joint[b, group, k]
+                        read = of_readings + U(
+                            (group * num_joints + joint) * num_rows + tile * TILE
+                        )
                         _backward(
-                            places, read, tile_slopes, at + U(k + 1) * _KEPT, at + U(k) * _KEPT,
-                            U(joint * num_rows + tile * TILE), F(ways.sign[b, group, k]),
-                            twists[b, joint], by_twist[joint],
+                            room, tile_slopes, at + U(k + 1) * _KEPT, at + U(k) * _KEPT, read,
+                            F(ways.sign[b, group, k]), twists[b, joint], by_twist[joint],
                         )  # fmt: skip
                     for axis in range(3):
                         total = F(0)
                         for i in range(_T):
-                            total += tile_slopes[U(axis * TILE) + i]
+                            total += room[tile_slopes + U(axis * TILE) + i]
                         by_point[toucher, axis] += total
             if rate > 0:
                 _descend(

@@ -108,6 +108,21 @@ def test_threads_and_blocks_do_not_change_a_byte():
         assert np.array_equal(getattr(alone, name)[13:14], getattr(one, name))
 
 
+def test_where_arrays_lie_in_memory_does_not_change_a_byte():
+    q, target, _ = touches(*an_arm(), number=1000)
+    q, group = standard(q), Group.of(np.arange(len(q)), target)
+    random = np.random.default_rng(0)
+    bodies = random_bodies([[chain_way(range(4))] for _ in range(4)], 4, 1, random)
+    how = Descent(steps=20)
+    first = descended(q, [group], bodies, how, 7)
+    for _ in range(100):
+        in_the_way = [np.zeros(size) for size in random.integers(1, 400, size=100)]
+        del in_the_way[::2]
+        again = descended(q, [group], bodies, how, 7)
+        assert np.array_equal(first.loss, again.loss)
+        assert np.array_equal(first.twists, again.twists)
+
+
 def test_bodies_are_ranked_by_the_sum_of_their_criteria():
     bodies = Bodies([[()], [()], [()]], np.zeros((3, 1, 6)), np.zeros((3, 1, 3)), np.zeros((3, 2)))
     bodies.loss[:] = [[1, 1], [-3, 1], [0, 0.5]]
