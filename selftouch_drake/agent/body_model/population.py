@@ -107,9 +107,7 @@ def _forward(room, at, out, read, sign, twist):
             t = sign * room[read + i]
             t2 = t * t
             s = t2 * n2
-            room[out + U(3 * TILE) + i] = t2 * (
-                _HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4)))
-            )
+            room[out + U(3 * TILE) + i] = t2 * (_HALF - s * (_A1 - s * (_A2 - s * (_A3 - s * _A4))))
             room[out + U(4 * TILE) + i] = (
                 t * t2 * (_B0 - s * (_B1 - s * (_B2 - s * (_B3 - s * _B4))))
             )
