@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.body_model import grow, structure
+from selftouch_drake.agent.body_model import few, grow, structure
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
@@ -91,7 +91,11 @@ def find_body_model(
         )
     tick = _Ticks(progress)
     search = Search(touches.single(), np.random.default_rng(seed), each, tick)
-    found = _find(search, touches, seed)
+    found = None
+    if sensation is not None and few.MOST >= len(touches.rows) and len(set(part[target])) == 1:
+        found = _find_by_sensation(search, touches, sensation, seed)
+    if found is None:
+        found = _find(search, touches, seed)
     if found is None:
         return none("No chain of joints explains the touches.")
     tick.say(0.97, "skin")
@@ -181,6 +185,33 @@ def _find(search: Search, touches: Touches, seed: int) -> Found | None:
         if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
             return found
     return None if chain is None else _finished(search, touches, chain, tested, seed)
+
+
+def _find_by_sensation(
+    search: Search, touches: Touches, sensation: csr_array, seed: int
+) -> Found | None:
+    """The body of one part by one toucher, from few touches."""
+    chain = few.found_by_sensation(
+        search, touches.q, csr_array(sensation)[touches.rows], touches.moving,
+        open_below=_OPEN, slides_below=_SLIDES, slide_cost=_SLIDE_COST,
+    )  # fmt: skip
+    if chain is None:
+        return None
+    part = int(touches.part[touches.target[0]])
+    tree = Tree.chain(chain.order, part, 1)
+    whole = touches.scene(tree.ways([(part, 0)]))
+    solution = expected(whole, started(whole, chain.twists, chain.point[None]), rounds=2)
+    # Kernels of few touches lie where the sensations of these say.
+    number = np.bincount(touches.target, minlength=len(touches.part))[:, None]
+    sums = [np.bincount(touches.target, place, len(number)) for place in chain.place.T]
+    with np.errstate(invalid="ignore"):
+        place = np.stack(sums, axis=1) / number
+    return Found(
+        tree=tree, scene=whole, rows=touches.rows, solution=replace(solution, place=place),
+        center=touches.center, scale=touches.scale, kind=chain.kind,
+        order_group=order_groups(chain.order, chain.swaps, len(touches.center)),
+        judgements={part: chain.judgement}, seed=seed,
+    )  # fmt: skip
 
 
 def _split(touches: Touches, tested: np.ndarray, part: int) -> tuple[np.ndarray, np.ndarray]:

@@ -83,6 +83,8 @@ class Draws(NamedTuple):
         num_kernels: `(G,)` kernels drawn from each group.
         members: `()` drawn from each kernel.
         weight: `(G,)` of each group in the sum of criteria.
+        precision: `(N, N)` of places that are a smooth function of sensations, with the mean taken
+            out: it takes the place of kernels, for a single group; `(0, 0)` for kernels.
     """
 
     q: np.ndarray
@@ -90,6 +92,7 @@ class Draws(NamedTuple):
     num_kernels: np.ndarray
     members: np.integer
     weight: np.ndarray
+    precision: np.ndarray
 
 
 @_in_any_order
@@ -353,6 +356,61 @@ def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, fa
     return log_within + far - log_total
 
 
+@_in_any_order
+def _applied(precision, x, out):
+    """The precision times the places, `(3, N)` both."""
+    number = len(precision)
+    for i in range(number):
+        row = precision[i]
+        s0, s1, s2 = 0.0, 0.0, 0.0
+        for j in range(number):
+            s0 += row[j] * x[0, j]
+            s1 += row[j] * x[1, j]
+            s2 += row[j] * x[2, j]
+        out[0, i], out[1, i], out[2, i] = s0, s1, s2
+
+
+@_inner
+def _smooth_criterion(x, slopes, weights, precision, factor, work):
+    """The criterion of places that should be smooth in the sensations, and its gradient.
+
+    Args:
+        x: `(3, N)` places.
+        slopes: `(3, N)` is filled.
+        weights: `(N,)` is filled with ones.
+        precision: `(N, N)`.
+        factor: weight of the group.
+        work: `(4, 3, 3)` scratch.
+    """
+    count = len(precision)
+    within, inverse, total, total_inverse = work[0], work[1], work[2], work[3]
+    center = np.zeros(3)
+    weights[:count] = 1.0
+    _spread(x, weights, count, center, total)
+    _applied(precision, x, slopes)
+    for a in range(3):
+        for b in range(3):
+            product = 0.0
+            for i in range(count):
+                product += x[a, i] * slopes[b, i]
+            within[a, b] = product / count
+    floor = _FLOOR * (total[0, 0] + total[1, 1] + total[2, 2])
+    for a in range(3):
+        within[a, a] += floor
+        total[a, a] += floor
+    value = invert(within, inverse) - invert(total, total_inverse)
+    step = 2 * factor / count
+    for i in range(count):
+        s0, s1, s2 = slopes[0, i], slopes[1, i], slopes[2, i]
+        t0, t1, t2 = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2]
+        for a in range(3):
+            slopes[a, i] = step * (
+                (inverse[a, 0] * s0 + inverse[a, 1] * s1 + inverse[a, 2] * s2)
+                - (total_inverse[a, 0] * t0 + total_inverse[a, 1] * t1 + total_inverse[a, 2] * t2)
+            )
+    return value
+
+
 @_inner
 def _means(x, weights, means, num_kernels, members):
     for kernel in range(num_kernels):
@@ -439,10 +497,15 @@ def descend(draws, ways, twists, points, rate, tail):
                     for axis in range(3):
                         for i in range(_T):
                             x[axis, tile * TILE + i] = room[at + U(axis * TILE) + i]
-                value = _criterion(
-                    x, slopes, weights, means, within[b, group],
-                    draws.num_kernels[group], members, tail, draws.weight[group], work,
-                )  # fmt: skip
+                if len(draws.precision) > 0:
+                    value = _smooth_criterion(
+                        x, slopes, weights, draws.precision, draws.weight[group], work
+                    )
+                else:
+                    value = _criterion(
+                        x, slopes, weights, means, within[b, group],
+                        draws.num_kernels[group], members, tail, draws.weight[group], work,
+                    )  # fmt: skip
                 share = max(0.05, 1.0 / (step + 1))
                 history[b, group] += share * (value - history[b, group])
                 if rate == 0:

@@ -1,0 +1,214 @@
+"""A chain from few touches: found by what they feel like, judged by touches left out in turn.
+
+Below some thousand touches a kernel has a few members at most, and its label says little. The
+search is that of kernels, with sensations in place of labels (`smoothness`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from selftouch_drake.agent.body_model import structure
+from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.fit import Smooth
+from selftouch_drake.agent.body_model.judge import (
+    ACCEPTED,
+    OUTLIER,
+    TOUCHES_PER_PARAMETER,
+    Judgement,
+)
+from selftouch_drake.agent.body_model.model import JointKind
+from selftouch_drake.agent.body_model.refine import kernel_medians
+from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
+from selftouch_drake.agent.body_model.structure import Search
+
+#: With more touches than this, kernels are as good, and cheaper.
+MOST = 2000
+# Touches that a search looks at.
+_SEARCHED = 256
+# A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
+# steps at most.
+_FOLDS, _REFITTED = 5, 30
+# Touches of a neighbourhood in the space of sensations, with which the judgement compares places,
+# and the most of these neighbourhoods.
+_NEIGHBOURS, _MOST_NEIGHBOURHOODS = 5, 300
+# Parameters of a joint that turns or slides; a similarity of all of space changes nothing.
+_OF_JOINT, _OF_SIMILARITY = 5, 7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FewFound:
+    """A chain that few touches led to.
+
+    Attributes:
+        order: of its joints.
+        twists: `(J, 6)` of all joints, for standardised readings.
+        point: `(3,)` of the toucher.
+        kind: `(J,)` values of `JointKind`.
+        swaps: `(L - 1,)` what it costs that neighbours change places.
+        place: `(n, 3)` of the touches, as their sensations say it.
+        judgement: by touches left out.
+    """
+
+    order: list[int]
+    twists: np.ndarray
+    point: np.ndarray
+    kind: np.ndarray
+    swaps: np.ndarray
+    place: np.ndarray
+    judgement: Judgement
+
+
+def found_by_sensation(
+    search: Search,
+    q: np.ndarray,
+    sensation: csr_array,
+    joints: list[int],
+    *,
+    open_below: float,
+    slides_below: float,
+    slide_cost: float,
+) -> FewFound | None:
+    """The first chain that touches left out accept, else the smoothest.
+
+    Args:
+        search: what to work on.
+        q: `(n, J)` standardised readings.
+        sensation: `(n, S)` readings of the receptors.
+        joints: that move.
+        open_below: a joint that turns by less, in radians, is open.
+        slides_below: it slides if it turns by less than this, and
+        slide_cost: if not to turn costs less than this.
+    """
+    sensed = Sensed.of(sensation)
+    precision = sensed.precision()
+    some = np.sort(search.random.permutation(len(q))[:_SEARCHED])
+    group = Smooth(some, precision if len(some) == len(q) else sensed.some(some).precision())
+    labels = neighbourhoods(sensed, search.random)
+    best: tuple[float, list[int], SmoothChain, Judgement] | None = None
+    for body in structure.found_chains(search, group, joints):
+        order = structure.order_of(body.ways[0][0])
+        rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
+        chain = finished(q[:, order], precision, rough)
+        verdict = left_out_in_turn(q[:, order], sensed, labels, chain)
+        if best is None or (verdict.accepted, -chain.criterion) > (best[3].accepted, -best[0]):
+            best = chain.criterion, order, chain, verdict
+        if verdict.accepted:
+            break
+    if best is None:
+        return None
+    _, order, chain, verdict = best
+    chain, kinds = _kinds(
+        q[:, order], precision, chain, open_below=open_below, slides_below=slides_below,
+        slide_cost=slide_cost,
+    )  # fmt: skip
+    kind = np.full(q.shape[1], int(JointKind.UNUSED))
+    kind[order] = kinds
+    twists = np.zeros((q.shape[1], 6))
+    twists[order] = chain.twists
+    place = places(q[:, order], chain.twists, chain.point)
+    return FewFound(
+        order, twists, chain.point, kind, _swap_costs(q, precision, order, chain),
+        sensed.predicted(place, sensed), verdict,
+    )  # fmt: skip
+
+
+def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
+    """`(n,)` labels of touches that feel alike, some five to each."""
+    number = int(np.clip(len(sensed.share) // _NEIGHBOURS, 1, _MOST_NEIGHBOURHOODS))
+    seed = int(random.integers(2**31))
+    return kmeans2(np.sqrt(sensed.share), number, minit="++", seed=seed, missing="warn")[1]
+
+
+def left_out_in_turn(
+    q: np.ndarray, sensed: Sensed, labels: np.ndarray, chain: SmoothChain
+) -> Judgement:
+    """Judges a chain by touches that it did not see: it is fitted anew without each fifth of them.
+
+    The rule is that of `judge`; where a kernel lies, a sensation says.
+
+    Args:
+        q: `(n, L)` readings of its joints.
+        sensed: what the touches feel like.
+        labels: `(n,)` neighbourhoods.
+        chain: of all touches.
+    """
+    parameters = _OF_JOINT * len(chain.twists) + 3 - _OF_SIMILARITY
+    needed = TOUCHES_PER_PARAMETER * parameters
+    if len(q) < needed:
+        reason = f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)"
+        return Judgement(
+            accepted=False, near=np.nan, inliers=np.nan, criterion=np.nan, tested=0, reason=reason
+        )
+    fold = np.arange(len(q)) * _FOLDS // len(q)
+    distance = np.empty(len(q))
+    for left_out in range(_FOLDS):
+        train, test = np.flatnonzero(fold != left_out), np.flatnonzero(fold == left_out)
+        seen = sensed.some(train)
+        again = finished(q[train], seen.precision(), chain, _REFITTED)
+        place = places(q, again.twists, again.point)
+        expected = seen.predicted(place[train], sensed.some(test))
+        middle = kernel_medians(place[train], labels[train], int(labels.max()) + 1, least=2)
+        middle = middle[np.isfinite(middle).all(axis=1)]
+        apart = np.median(cKDTree(middle).query(middle, k=2)[0][:, 1])
+        distance[test] = np.linalg.norm(place[test] - expected, axis=1) / apart
+    inlier = distance < OUTLIER
+    near, inliers = float((distance[inlier] < 1).mean()), float(inlier.mean())
+    return Judgement(
+        accepted=near > ACCEPTED and inliers > 0.5,
+        near=near,
+        inliers=inliers,
+        criterion=chain.criterion,
+        tested=len(q),
+        reason=(
+            f"{near:.1%} of {inlier.sum()} touches, left out in turn, lie nearer to where their "
+            f"sensations say than neighbouring sensations lie to each other ({ACCEPTED:.0%} "
+            f"needed), {1 - inliers:.1%} of {len(q)} are outliers (fewer than half needed)"
+        ),
+    )
+
+
+def _kinds(
+    q: np.ndarray,
+    precision: np.ndarray,
+    chain: SmoothChain,
+    *,
+    open_below: float,
+    slides_below: float,
+    slide_cost: float,
+) -> tuple[SmoothChain, list[int]]:
+    """Which joints turn, slide, or leave it open; those that slide do not turn at all."""
+    turn = np.linalg.norm(chain.twists[:, :3], axis=1) * np.ptp(q, axis=0)
+    kinds = [int(JointKind.TURNS)] * len(turn)
+    for joint in np.argsort(turn, kind="stable"):
+        if turn[joint] >= open_below:
+            break
+        kinds[joint] = int(JointKind.OPEN)
+        if turn[joint] < slides_below:
+            straight = chain.twists.copy()
+            straight[joint, :3] = 0
+            slides = np.array([kind == JointKind.SLIDES for kind in kinds])
+            slides[joint] = True
+            trial = finished(
+                q, precision, SmoothChain(straight, chain.point, np.inf), slides=slides
+            )
+            if trial.criterion - chain.criterion < slide_cost:
+                chain, kinds[joint] = trial, int(JointKind.SLIDES)
+    return chain, kinds
+
+
+def _swap_costs(
+    q: np.ndarray, precision: np.ndarray, order: list[int], chain: SmoothChain
+) -> np.ndarray:
+    """`(L - 1,)` what it costs that neighbours change places."""
+    cost = np.zeros(max(len(order) - 1, 0))
+    for index in range(len(cost)):
+        swapped = np.arange(len(order))
+        swapped[[index, index + 1]] = index + 1, index
+        other = SmoothChain(chain.twists[swapped], chain.point, np.inf)
+        there = finished(q[:, np.array(order)[swapped]], precision, other, _REFITTED)
+        cost[index] = there.criterion - chain.criterion
+    return cost
