@@ -43,7 +43,7 @@ from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
 from sklearn.neural_network import MLPRegressor
 
-from selftouch_drake.agent.calibration import find_touches
+from selftouch_drake.agent.readings.found_touches import find_touches
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.touch_profile import TouchProfile
+    from selftouch_drake.agent.practice.touch_profile import TouchProfile
 
 
 class BodyError(ValueError):

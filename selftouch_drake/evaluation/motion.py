@@ -7,8 +7,8 @@ import numpy as np
 
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.tries import reached
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.quotient.smooth import polyline
 from selftouch_drake.robot import World
@@ -44,7 +44,7 @@ class MotionScore:
 
     Attributes:
         contact: share of the time with expected contact in which something was felt.
-        reached: whether it ends in its goal; see `selftouch_drake.agent.rehearsal.reached`.
+        reached: whether it ends in its goal; see `selftouch_drake.agent.tries.reached`.
         prediction_error: mean cosine distance between predicted and felt, while in contact; 1 if
             it never is.
     """

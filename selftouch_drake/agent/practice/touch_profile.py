@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.practice.sliding import Slider
 
 #: rad of path, between these places. Takes about 0.3 s of computing for a path of 5 rad.
 _SAMPLED = 0.03
