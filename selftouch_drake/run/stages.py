@@ -20,7 +20,7 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
 from selftouch_drake.bodies.living import LivingBody
@@ -140,7 +140,7 @@ def _collected(run: RunDirectory, body: Body, executor: Executor, progress: Prog
 
 def learn(
     run: RunDirectory, progress: Progress = silent, executor: Executor | None = None
-) -> QuotientRepresentation:
+) -> EmbeddedRepresentation:
     """Builds the quotient representation from the experience, recovers the body, and models it.
 
     If all but the body model is there, because an older version learned or learning was
@@ -172,7 +172,7 @@ def _part(progress: Progress, start: float, end: float) -> Progress:
     return lambda fraction, doing: progress(start + (end - start) * fraction, doing)
 
 
-def _without_model(run: RunDirectory) -> QuotientRepresentation | None:
+def _without_model(run: RunDirectory) -> EmbeddedRepresentation | None:
     """The representation of a run that has learned everything but the body model; else None."""
     if not has_learned(run) or has_modelled(run):
         return None
@@ -188,7 +188,7 @@ def _without_model(run: RunDirectory) -> QuotientRepresentation | None:
 
 def _learn_quotient(
     run: RunDirectory, progress: Progress, executor: Executor | None
-) -> QuotientRepresentation:
+) -> EmbeddedRepresentation:
     """Builds the quotient representation, and recovers the body from it (the paper)."""
     from selftouch_drake.agent.representation.learning import learn as learn_quotient
     from selftouch_drake.agent.shape.recovery import recover

@@ -6,7 +6,7 @@ steps. `touch_profile` feels beside a motion, for the touch servo. Nothing here 
 dynamics: only a `Pilot` does.
 """
 
-from .practise import NoWayError as NoWayError
-from .practise import Practised as Practised
-from .practise import practise as practise
-from .practise import remembering as remembering
+from selftouch_drake.agent.practice.practise import NoWayError as NoWayError
+from selftouch_drake.agent.practice.practise import Practised as Practised
+from selftouch_drake.agent.practice.practise import practise as practise
+from selftouch_drake.agent.practice.practise import remembering as remembering

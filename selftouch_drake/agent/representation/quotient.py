@@ -30,9 +30,6 @@ class QuotientRepresentation(Representation, Record):
             `touches.Together`.
         part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels. Edges
             join kernels of one part.
-        embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
-            and unit of that part; NaN in fragments, and where no body was recovered. See
-            `RecoveredBody.embed`.
         num_set_aside: touches of several places at once that were excluded; see `Together.places`.
 
     Raises:
@@ -40,13 +37,11 @@ class QuotientRepresentation(Representation, Record):
     """
 
     by_row: ClassVar[tuple[str, ...]] = (*Representation.by_row, "kernel_mode")
-    by_kernel: ClassVar[tuple[str, ...]] = (*Representation.by_kernel, "embedding")
 
     kernel_mode: np.ndarray
     mode_joints: np.ndarray
     overlap: np.ndarray
     part: np.ndarray
-    embedding: np.ndarray
     num_set_aside: int = 0
 
     def __post_init__(self) -> None:
@@ -58,7 +53,6 @@ class QuotientRepresentation(Representation, Record):
                 "kernel_mode": (self.num_rows,),
                 "overlap": (num_receptors, num_receptors),
                 "part": (num_kernels,),
-                "embedding": (num_kernels, 3),
             }
         )
         num_modes = len(self.mode_joints)
