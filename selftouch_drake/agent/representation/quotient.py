@@ -1,5 +1,6 @@
 """What the agent keeps from its experience: the quotient, and what it found beside it."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -36,7 +37,11 @@ class QuotientRepresentation(Representation, Record):
         ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
     """
 
-    by_row: ClassVar[tuple[str, ...]] = (*Representation.by_row, "kernel_mode")
+    #: Fields that hold one entry for each stored configuration, and for each kernel.
+    by_row: ClassVar[tuple[str, ...]] = (
+        *("kernel_q", "kernel_row", "kernel_strength", "kernel_error", "kernel_mode"),
+    )
+    by_kernel: ClassVar[tuple[str, ...]] = ("target_sensations",)
 
     kernel_mode: np.ndarray
     mode_joints: np.ndarray
@@ -94,8 +99,23 @@ class QuotientRepresentation(Representation, Record):
         """The representation of some of the kernels, `(n,)` ascending."""
         if len(kernels) == self.num_targets:
             return self
+        rows = np.concatenate([np.arange(self.num_rows)[self.members(k)] for k in kernels])
+        place = np.full(self.num_targets, -1)
+        place[kernels] = np.arange(len(kernels))
+        kept = (place[self.edges] >= 0).all(axis=1)
         _, part = np.unique(self.part[kernels], return_inverse=True)
-        return self._with_kernels(kernels, part=part)
+        of_rows = {name: getattr(self, name)[rows] for name in self.by_row}
+        of_kernels = {name: getattr(self, name)[kernels] for name in self.by_kernel}
+        return dataclasses.replace(
+            self,
+            kernel_offsets=np.cumsum([0, *np.diff(self.kernel_offsets)[kernels]]),
+            set_distance=self.set_distance[np.ix_(kernels, kernels)],
+            edges=place[self.edges[kept]],
+            edge_cost=self.edge_cost[kept],
+            part=part,
+            **of_rows,
+            **of_kernels,
+        )
 
 
 def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
