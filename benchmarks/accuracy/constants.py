@@ -30,7 +30,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -184,7 +184,12 @@ def changed(constant: str, value: Any) -> Iterator[None]:
     _, name = constant.split(".")
     old = value_of(constant)
     holders = [module for module in modules() if vars(module).get(name, None) is old]
-    functions = [held for module in modules() for held in vars(module).values() if callable(held)]
+    functions = [
+        held
+        for module in modules()
+        for held in vars(module).values()
+        if callable(held) and getattr(held, "__module__", None) == module.__name__
+    ]
 
     def put(this: Any, instead_of: Any) -> None:
         for module in holders:
@@ -207,7 +212,7 @@ def _put_default(function: Any, argument: str, value: Any, old: Any) -> None:
     if by_name.get(argument) is old:
         by_name[argument] = value
     by_place = getattr(function, "__defaults__", None) or ()
-    if by_place:
+    if by_place and isinstance(function, FunctionType):
         code = function.__code__
         names = code.co_varnames[: code.co_argcount][-len(by_place) :]
         function.__defaults__ = tuple(
