@@ -49,7 +49,7 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, Quotien
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.quotient.sensations import assign
-from selftouch_drake.run.judged import find_recording, judge_submission
+from selftouch_drake.run.submissions import find_recording, judge_submission
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 

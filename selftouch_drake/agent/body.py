@@ -118,7 +118,7 @@ class ServoedBody(Body, Protocol):
     """A body that corrects a motion by touch while it follows it.
 
     Attributes:
-        offsets: `(G,)` rad, displacements across the skin that it distinguishes.
+        offsets: `(G,)` mu, displacements across the skin that it distinguishes.
     """
 
     offsets: np.ndarray

@@ -131,13 +131,16 @@ class Pilot:
             acceleration_limit=self.body.acceleration,
             rate_hz=RATE_HZ,
         )
-        num = 0 if self.body.jumps else round(_REST_S * RATE_HZ)
-        time_s, s, q, v = (
-            np.concatenate([samples, np.repeat(samples[-1:], num, axis=0)])
-            for samples in (timed.time_s, timed.s, timed.q, timed.v)
+        num_resting = 0 if self.body.jumps else round(_REST_S * RATE_HZ)
+        rest_s = timed.time_s[-1] + np.arange(1, num_resting + 1) / RATE_HZ
+        return self.agent.motion(
+            plan,
+            time_s=np.concatenate([timed.time_s, rest_s]),
+            s=_held(timed.s, num_resting),
+            q=_held(timed.q, num_resting),
+            v=_held(timed.v, num_resting),
+            dry_run=felt,
         )
-        time_s[len(time_s) - num :] += np.arange(1, num + 1) / RATE_HZ
-        return self.agent.motion(plan, time_s=time_s, s=s, q=q, v=v, dry_run=felt)
 
     def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Followed]:
         """Lets the body follow a motion from its start.
@@ -212,6 +215,11 @@ class Pilot:
             motion=motion,
             seconds=time.perf_counter() - began,
         )
+
+
+def _held(samples: np.ndarray, num: int) -> np.ndarray:
+    """Samples `(T, ...)`, of which the last is held for so many more."""
+    return np.concatenate([samples, np.repeat(samples[-1:], num, axis=0)])
 
 
 def executed(motion: Motion, followed: Followed) -> Execution:

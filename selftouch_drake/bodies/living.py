@@ -80,7 +80,9 @@ class LivingBody:
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`, with sensations."""
         felt = self._body.feel(q)
-        self._at, self._where = None, [self._where, *felt.q][-1]
+        self._at = None
+        if len(felt.q):
+            self._where = felt.q[-1]
         return self._noted(replace(felt, sensation=self._sensation(felt.sensation)))
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:

@@ -13,10 +13,10 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.quotient.smooth import polyline
 from selftouch_drake.robot import World
 
-# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
+# Jerk is compared on samples this far apart, in mu of path length. The jerk of a polyline grows
 # without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
 _JERK_SPACING = 0.02
-# rad of path length, between samples of a plan without times.
+# mu of path length, between samples of a plan without times.
 _SAMPLED = 0.01
 
 

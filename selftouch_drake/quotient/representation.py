@@ -27,15 +27,15 @@ class Representation:
         target_sensations: `(K, S)` target sensations, unit L2 norm.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         kernel_q: `(R, J)` in the robot's units, motor configurations, grouped by kernel.
-        kernel_row: `(R,)` row of each configuration in the experience, one for each place.
+        kernel_row: `(R,)` row of the experience from which each configuration was taken.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         joint_scale: `(J,)` positive factors that make the joints comparable.
         set_distance: `(K, K)` mu, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted. See
             `graph.surface_neighbours`.
-        edge_cost: `(E,)` mu, mean nearest-neighbour distance between the firm configurations of
-            both kernels, those felt more strongly than the median of their kernel.
+        edge_cost: `(E,)` mu, mean nearest-neighbour distance between the stronger halves of both
+            kernels: their configurations that were felt more strongly than the median.
         num_touches: rows of the experience.
 
     Raises:

@@ -12,10 +12,10 @@ import numpy as np
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.practice.sliding import Slider
 
-#: rad of path, between these places. Takes about 0.3 s of computing for a path of 5 rad.
+#: mu of path, between these places. Takes about 0.3 s of computing for a path of 5 mu.
 _SAMPLED = 0.03
 
-#: rad, offset of the two flanks of a touch on either side: 1.5 cm at an arm's length.
+#: mu, offset of the two flanks of a touch on either side: 1.5 cm at an arm's length.
 _FLANK = 0.025
 
 # Iterations to find the first direction; each later one starts from the previous direction.
@@ -42,7 +42,7 @@ class TouchProfile:
 
 
 def felt_across(motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
-    """Measures the sensations of a motion that is displaced by `(G,)` rad, to either side.
+    """Measures the sensations of a motion that is displaced by `(G,)` mu, to either side.
 
     The slider feels in the agent's world.
     """
