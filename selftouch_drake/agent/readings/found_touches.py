@@ -92,13 +92,10 @@ def find_touches(
             "filter is median, but the joints jump from row to row: give the rows in the order of "
             "time, or leave the filter out"
         )
-    baseline = estimate_baseline(
-        q, readings, spikes=False if filtering == "none" else None, **known
-    )
+    spikes = False if filtering == "none" else None
+    baseline = estimate_baseline(q, readings, spikes=spikes, **known)
     if successive and (baseline.spikes or filtering == "median"):
-        from scipy.ndimage import median_filter  # no other run needs it
-
-        readings = median_filter(readings, size=(3, 1), mode="nearest")
+        readings = _median_of_three(readings)
         again = estimate_baseline(q, readings, spikes=baseline.spikes, **known)
         baseline = replace(again, smoothed=True)
     rows, pressure = baseline.touching(readings)
@@ -112,13 +109,7 @@ def find_touches(
             f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
             "their thresholds; lower the threshold, or record touches"
         )
-    if 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
-        warnings.warn(
-            "half of the receptors feel something in more than half of the rows: record more rows "
-            "without a touch, or give the correct offset",
-            RestlessWarning,
-            stacklevel=2,
-        )
+    _warn_of_restless_receptors(pressure, len(readings))
     null = np.setdiff1d(np.arange(len(readings)), rows, assume_unique=True)
     fading = _fading(rows, pressure.sum(axis=1, dtype=float)) & successive
     rows, pressure = rows[~fading], pressure[~fading]
@@ -132,6 +123,24 @@ def find_touches(
         num_lone=num_lone,
         num_fading=int(fading.sum()),
     )
+
+
+def _median_of_three(readings: np.ndarray) -> np.ndarray:
+    """Each reading `(n, S)` becomes the median of three rows, which leaves out a spike."""
+    from scipy.ndimage import median_filter  # no other run needs it
+
+    return median_filter(readings, size=(3, 1), mode="nearest")
+
+
+def _warn_of_restless_receptors(pressure: np.ndarray, num_rows: int) -> None:
+    """Warns if half of the receptors of `(n, S)` pressures feel something in most of the rows."""
+    if 2 * np.median(np.count_nonzero(pressure, axis=0)) > num_rows:
+        warnings.warn(
+            "half of the receptors feel something in more than half of the rows: record more rows "
+            "without a touch, or give the correct offset",
+            RestlessWarning,
+            stacklevel=3,
+        )
 
 
 def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
