@@ -46,7 +46,7 @@ from selftouch_drake.run.worlds import make_world
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
 from benchmarks.shared.babbled import run_at
-from benchmarks.shared.results import results
+from benchmarks.shared.results import add_update_option, results
 
 #: The constants, by the first stage that they act in. Sizes of blocks of work change no result.
 CONSTANTS = {
@@ -293,6 +293,7 @@ def main() -> None:
     parser.add_argument("--touches", type=int, default=30_000)
     parser.add_argument("--targets", type=int, default=200)
     parser.add_argument("--pairs", type=int, default=40)
+    add_update_option(parser, "constants")
     parser.add_argument("--compiled", type=int, choices=(0, 1), help=argparse.SUPPRESS)
     options = parser.parse_args()
 
@@ -308,7 +309,7 @@ def main() -> None:
         row = compiled_row(touches, chosen[0][1], options.compiled)
         print(*row.values(), sep="\t")
         return
-    with results("constants") as add:
+    with results("constants", update=options.update) as add:
         for path in options.runs:
             touches = Touches(run_at(path, options.touches), *sizes)
             names: list[str] = []

@@ -25,10 +25,13 @@ from .sensations import unlike
 if TYPE_CHECKING:
     import networkx as nx
 
-#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
+#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6. It trades the
+#: dimension against short cuts. At 6, 12, 24: shape 3.9, 4.0, 4.8; 2.8, 2.9, 3.8 %, dimension 1.85,
+#: 2.13, 2.92; 1.84, 2.11, 2.84.
 NUM_MUTUAL = 12
 
-#: Nearest that are neighbours in any case: nearly one ring.
+#: Nearest that are neighbours in any case: nearly one ring. At 2, 5, 10: shape 4.0, 4.0, 4.1; 2.9,
+#: 2.9, 3.0 %. Fewer save no work, and leave kernels isolated where fields are uneven.
 NUM_KEPT = 5
 
 
