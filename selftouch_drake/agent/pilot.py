@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.body import Body, Followed, ServoedBody
+from selftouch_drake.agent.body import Body, Followed, ServoedBody, TouchProfile
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.planner import checked_configuration
@@ -19,7 +19,7 @@ from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice.dry_run import DryRun, dry_run
 from selftouch_drake.agent.practice.practise import NoWayError, practise, remembering
 from selftouch_drake.agent.practice.sliding import Slider
-from selftouch_drake.agent.practice.touch_profile import TouchProfile, felt_across
+from selftouch_drake.agent.practice.touch_profile import felt_across
 from selftouch_drake.agent.tries import Try, judged_try
 from selftouch_drake.quotient.plan import Limits
 from selftouch_drake.randomness import random_stream

@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from selftouch_drake.agent.body import Felt, Followed
-from selftouch_drake.agent.practice.touch_profile import TouchProfile
+from selftouch_drake.agent.body import Felt, Followed, TouchProfile
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.experience.walk import BATCH_S
 from selftouch_drake.experiment import Experiment

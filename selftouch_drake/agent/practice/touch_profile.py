@@ -5,10 +5,9 @@ direction in motor space in which the touch changes most: this direction leads t
 Then it measures how strong the touch is along that direction.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from selftouch_drake.agent.body import TouchProfile
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.practice.sliding import Slider
 
@@ -20,25 +19,6 @@ _FLANK = 0.025
 
 # Iterations to find the first direction; each later one starts from the previous direction.
 _FIRST_ROUNDS = 5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TouchProfile:
-    """The sensations beside a motion.
-
-    K places along it, J joints, G places across.
-
-    Attributes:
-        time_s: `(K,)` s, time of the motion at each place.
-        across: `(K, J)` unit length, scaled direction through the skin; it changes continuously.
-        joint_scale: `(J,)` factors of scaled configurations.
-        strength: `(K, G)` N, L2 norm of the sensations across the motion; 0 in the air.
-    """
-
-    time_s: np.ndarray
-    across: np.ndarray
-    joint_scale: np.ndarray
-    strength: np.ndarray
 
 
 def felt_across(motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
