@@ -95,6 +95,7 @@ SMALL: dict[str, list[str]] = {
         *FEW,
         "--out={tmp}/t",
     ],
+    "accuracy/constants": ["{tmp}/sphere_1", *FEW, "--pairs=1", "--only", "links._LEAP_POWER"],
     "accuracy/causes": ["{tmp}/sphere_1", "--touches=20000"],
     "accuracy/layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
     "cost/cluster": ["{run}"],

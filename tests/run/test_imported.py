@@ -208,8 +208,8 @@ def test_a_plan_is_a_joint_trajectory(learned, recording):
 
 
 def test_a_plan_from_any_posture_is_a_joint_trajectory_too(run, monkeypatch):
-    query = SimpleNamespace(motion=load_motion(run, 3, 100))
-    pilot = SimpleNamespace(plan_from=lambda q_start, goal: query)
+    planned = SimpleNamespace(motion=load_motion(run, 3, 100))
+    pilot = SimpleNamespace(plan_from=lambda q_start, goal: planned)
     monkeypatch.setattr(stages, "run_bodies", lambda run: None)
     monkeypatch.setattr(stages, "pilot_in", lambda *known: pilot)
     stages.plan(run, 100, q_start=np.zeros(7))
