@@ -47,14 +47,17 @@ def the_run(name: str, seed: int, touches: int, folder: Path) -> Path:
     if not (run / "representation.npz").exists():
         from click.testing import CliRunner
 
-        from selftouch_drake.cli import main
+        from selftouch_drake.cli import cli
 
-        changes = f"{{seed: {seed}, babbling: {{num_samples: {touches}}}}}"
+        changes = (
+            f"{{seed: {seed}, babbling: {{num_samples: {touches}}}, "
+            "representation: {body_model: off}}"
+        )
         for arguments in (
             ["babble", name, "--out", str(run), "--set", changes],
             ["learn", str(run)],
         ):
-            CliRunner().invoke(main, arguments, catch_exceptions=False)
+            CliRunner().invoke(cli, arguments, catch_exceptions=False)
     return run
 
 

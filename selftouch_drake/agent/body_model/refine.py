@@ -270,7 +270,9 @@ def probabilities(
     frequency = solution.frequency[part][touchers]
     outliers = max(1 - frequency.sum(), _FEWEST_OUTLIERS)
     known = Y.reshape(-1, 3)
-    spread = np.linalg.slogdet(np.cov(known[np.isfinite(known).all(axis=1)].T))[1]
+    # A chain in a plane spreads in two dimensions only.
+    tiny = 1e-12 * np.eye(3)
+    spread = np.linalg.slogdet(np.cov(known[np.isfinite(known).all(axis=1)].T) + tiny)[1]
     # One of n touches pulls the mean of n towards itself.
     pull = 1.0 if weight is None else np.maximum(weight[target], 1.0)
     lone = 1.0 if weight is None else pull / np.maximum(pull - 1, 0.2)
@@ -507,15 +509,23 @@ def gauge(solution: Solution) -> np.ndarray:
     return np.linalg.qr(np.stack(columns, axis=1))[0]
 
 
-def covariance(scene: Scene, solution: Solution) -> np.ndarray:
+def covariance(
+    scene: Scene, solution: Solution, *, fixed: np.ndarray | None = None
+) -> np.ndarray:
     """`(n, n)` covariance of the parameters, without the directions of the gauge.
 
     The sandwich estimate, clustered by kernels: residuals of one kernel depend on each other.
     Parameters that nothing depends on have NaN.
+
+    Args:
+        scene: touches.
+        solution: of them.
+        fixed: `(n,)` bool, parameters that the fit held: the turning of a slide. They have NaN.
     """
     found = equations(scene, solution)
     size = len(found.gradient)
-    free = np.flatnonzero(np.diag(found.hessian) > 0)
+    known = np.diag(found.hessian) > 0
+    free = np.flatnonzero(known if fixed is None else known & ~fixed)
     basis = gauge(solution)[free]
     values, vectors = np.linalg.eigh(np.eye(len(free)) - basis @ np.linalg.pinv(basis))
     rest = vectors[:, values > 0.5]
