@@ -207,7 +207,10 @@ def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
 def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
     solution = found.solution
-    spread = covariance(found.scene, solution)
+    slides = found.kind == JointKind.SLIDES
+    fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
+    fixed[: solution.twists.size].reshape(-1, 6)[slides, :3] = True
+    spread = covariance(found.scene, solution, fixed=fixed)
     known = np.flatnonzero(np.isfinite(np.diag(spread)))
     of_twists = known[known < solution.twists.size]
     base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
@@ -222,7 +225,6 @@ def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     sigma = np.sqrt(np.maximum(variance, 0)).reshape(base.shape)
     out = np.array([joint not in found.tree.parent for joint in range(len(base))])
     sigma[out] = np.nan
-    slides = found.kind == JointKind.SLIDES
     sigma[slides, :3] = 0.0
     return sigma
 

@@ -512,9 +512,13 @@ def gauge(solution: Solution) -> np.ndarray:
 def covariance(
     scene: Scene, solution: Solution, *, fixed: np.ndarray | None = None
 ) -> np.ndarray:
-    """`(n, n)` covariance of the parameters, without the directions of the gauge.
+    """`(n, n)` mean squared errors of the parameters, without the directions of the gauge.
 
-    The sandwich estimate, clustered by kernels: residuals of one kernel depend on each other.
+    Two errors add up. That of chance is the sandwich estimate, clustered by kernels: residuals of
+    one kernel depend on each other. The other does not shrink with more touches: kernels have a
+    size, and a map that is bent a little makes them smaller. It is told by the model itself: touches
+    are given to the kernels whose places they lie at, as if the model were true, and what another
+    step of the fit would then change is the error.
     Parameters that nothing depends on have NaN.
 
     Args:
@@ -531,7 +535,25 @@ def covariance(
     rest = vectors[:, values > 0.5]
     inverse = np.linalg.pinv(rest.T @ found.hessian[np.ix_(free, free)] @ rest, rcond=1e-12)
     scores = (found.scores[:, free] - found.gradient[free] / len(found.scores)) @ rest
-    inner = rest @ (inverse @ (scores.T @ scores) @ inverse) @ rest.T
+    again = as_if_true(scene, solution)
+    Y = all_places(again, solution.twists, solution.points)
+    slope = equations(again, settled(again, solution, Y)).gradient[free] @ rest
+    inner = rest @ (inverse @ (scores.T @ scores + np.outer(slope, slope)) @ inverse) @ rest.T
     result = np.full((size, size), np.nan)
     result[np.ix_(free, free)] = inner
     return result
+
+
+def as_if_true(scene: Scene, solution: Solution) -> Scene:
+    """The scene with each touch given to the kernel whose place it lies at; outliers stay."""
+    target = scene.target.copy()
+    Y = all_places(scene, solution.twists, solution.points)
+    for part in scene.parts:
+        rows = scene.rows(part)
+        rows = rows[solution.share[rows].sum(axis=1) > 0.5]
+        kernels = np.flatnonzero((scene.part == part) & np.isfinite(solution.place).all(axis=1))
+        if len(rows) == 0 or len(kernels) == 0:
+            continue
+        own = Y[solution.share[rows].argmax(axis=1), rows]
+        target[rows] = kernels[cKDTree(solution.place[kernels]).query(own)[1]]
+    return replace(scene, target=target)
