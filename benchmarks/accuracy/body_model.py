@@ -31,7 +31,6 @@ CORRUPTIONS = {
     "rows": "all labels are shuffled between rows",
     "mixed": "rad, readings that mix joints: q + amount sin(2 q'), q' in reverse order",
     "noise": "on joints, in standard deviations of each",
-    "joints": "noise on joints, as a share of their range",
     "backlash": "rad, play of each joint",
     "slip": "degrees that a clutch gave way between two halves of the touches",
     "missing": "number of the joint that is left out",
@@ -117,8 +116,6 @@ def corrupted(q, target, how):
         q = q + amount * np.sin(2 * q[:, ::-1])
     elif kind == "noise":
         q = q + amount * q.std(axis=0) * random.standard_normal(q.shape)
-    elif kind == "joints":
-        q = q + amount * np.ptp(q, axis=0) * random.standard_normal(q.shape)
     elif kind == "backlash":
         # A joint lags behind its reading by half of the play, on the side that it came from.
         q = q + amount / 2 * random.choice([-1.0, 1.0], q.shape)

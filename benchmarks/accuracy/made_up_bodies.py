@@ -1,8 +1,9 @@
-"""Bodies that cost nothing: chains of random joints that touch a made-up skin, and what is no chain.
+"""Bodies that cost nothing: chains of random joints on a made-up skin, and what is no chain.
 
 Each case is drawn from its kind and its seed alone. Postures are moved onto the skin by Newton's
-method; kernels are places spread evenly over what was touched, and a touch belongs to the place that
-is nearest to it, seen with a little noise. Readings have units, zeros, signs and an order of their own.
+method; kernels are places spread evenly over what was touched, and a touch belongs to the place
+that is nearest to it, seen with a little noise. Readings have units, zeros, signs and an order of
+their own.
 """
 
 from collections.abc import Callable
@@ -35,7 +36,8 @@ class Case:
         slots: `(J,)` which true joint each reading shows.
         unit: `(J,)` of each reading.
         zero: `(J,)` each reading where its true joint is at 0.
-        twists: `(L, 6)` true twists of the chain, from the skin on; those that it began with where it is no chain.
+        twists: `(L, 6)` true twists of the chain, from the skin on. What is no chain was made from
+            them.
         point: `(3,)` the true toucher.
     """
 
@@ -186,7 +188,9 @@ def soft(twists: np.ndarray, point: np.ndarray, random: np.random.Generator, muc
     return lambda q, luck: body(q, luck, amount)
 
 
-def rolling(twists: np.ndarray, point: np.ndarray, random: np.random.Generator, much: float) -> Body:
+def rolling(
+    twists: np.ndarray, point: np.ndarray, random: np.random.Generator, much: float
+) -> Body:
     """A chain with a wheel at its end, which rolls as it likes and touches with its rim."""
     q = random.uniform(-RANGE, RANGE, (2000, len(twists)))
     radius = much * np.linalg.norm(np.ptp(places(q, twists, point), axis=0))
@@ -238,6 +242,8 @@ def case(kind: str, seed: int, *, touches: int = 0, kernels: int = 300) -> Case:
     """
     kinds = ["right", "short", "planar", *WRONG]
     random = np.random.default_rng([seed, kinds.index(kind)])
+    # A line needs fewer places than a surface.
+    kernels = kernels // 3 if kind == "planar" else kernels
     least, kinds_of = JOINTS.get(kind, (4, 6))
     joints = least + seed % kinds_of
     number = touches or 8000

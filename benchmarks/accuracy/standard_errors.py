@@ -2,13 +2,14 @@
 
     python benchmarks/accuracy/standard_errors.py --seeds 0 1 2 3 4 5 6 7 8 9
 
-Only what has no gauge can be compared: angles between neighbouring axes, ratios of distances between
-them, and how far a joint turns per unit of its reading. The bodies are made up, of four to nine
-joints; the fit begins at the truth, because what is asked here is what touches tell, not whether the
-search finds the body.
+Only what has no gauge can be compared: angles between neighbouring axes, ratios of distances
+between them, and how far a joint turns per unit of its reading. The bodies are made up, of four to
+nine joints; the fit begins at the truth, because what is asked here is what touches tell, not
+whether the search finds the body.
 """
 
 import argparse
+import itertools
 
 import numpy as np
 from made_up_bodies import Case, case
@@ -43,7 +44,7 @@ def invariants(twists: np.ndarray, order: list[int]) -> tuple[np.ndarray, np.nda
     """Values that no similarity changes, and the kind of each as an index of `NAMES`."""
     turning = [j for j in order if np.linalg.norm(twists[j, :3]) > 1e-9]
     angles, lengths, turns = [], [], []
-    for first, second in zip(turning[:-1], turning[1:], strict=True):
+    for first, second in itertools.pairwise(turning):
         w, x = twists[first, :3], twists[second, :3]
         p, r = (
             np.cross(a, v) / (a @ a) for a, v in ((w, twists[first, 3:]), (x, twists[second, 3:]))
@@ -101,12 +102,20 @@ def main() -> None:
         made = case("right", seed, touches=args.touches, kernels=args.kernels)
         z, kinds = scores(made)
         every.append((z, kinds))
-        within = [f"{name} {np.mean(np.abs(z[kinds == k]) < 2):.2f}" for k, name in enumerate(NAMES)]
-        print(f"seed {seed:3d}  {made.what}:", *within, f"rms {np.sqrt((z**2).mean()):.2f}", flush=True)
+        within = [
+            f"{name} {np.mean(np.abs(z[kinds == k]) < 2):.2f}" for k, name in enumerate(NAMES)
+        ]
+        print(
+            f"seed {seed:3d}  {made.what}:",
+            *within,
+            f"rms {np.sqrt((z**2).mean()):.2f}",
+            flush=True,
+        )
     z, kinds = (np.concatenate(of) for of in zip(*every, strict=True))
     for number, name in enumerate(NAMES):
         own = np.abs(z[kinds == number])
-        print(f"{name:9s} {np.mean(own < 2):.1%} of {len(own)} within two, rms {np.sqrt((own**2).mean()):.2f}")
+        rms = np.sqrt((own**2).mean())
+        print(f"{name:9s} {np.mean(own < 2):.1%} of {len(own)} within two, rms {rms:.2f}")
     print(f"all       {np.mean(np.abs(z) < 2):.1%} of {len(z)} within two standard errors")
 
 

@@ -37,6 +37,7 @@ class Found:
         order_group: `(J,)` as in `BodyModel`.
         judgements: of each part.
         seed: of the fit.
+        fixed: `(n,)` bool, parameters of the solution that the fit held.
     """
 
     tree: Tree
@@ -49,6 +50,7 @@ class Found:
     order_group: np.ndarray
     judgements: Mapping[int, Judgement]
     seed: int
+    fixed: np.ndarray
 
 
 def normalizing(place: np.ndarray) -> np.ndarray:
@@ -207,10 +209,7 @@ def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
 def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
     solution = found.solution
-    slides = found.kind == JointKind.SLIDES
-    fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
-    fixed[: solution.twists.size].reshape(-1, 6)[slides, :3] = True
-    spread = covariance(found.scene, solution, fixed=fixed)
+    spread = covariance(found.scene, solution, fixed=found.fixed)
     known = np.flatnonzero(np.isfinite(np.diag(spread)))
     of_twists = known[known < solution.twists.size]
     base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
@@ -225,6 +224,7 @@ def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     sigma = np.sqrt(np.maximum(variance, 0)).reshape(base.shape)
     out = np.array([joint not in found.tree.parent for joint in range(len(base))])
     sigma[out] = np.nan
+    slides = found.kind == JointKind.SLIDES
     sigma[slides, :3] = 0.0
     return sigma
 

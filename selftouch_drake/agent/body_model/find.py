@@ -21,6 +21,7 @@ from selftouch_drake.agent.body_model.judge import (
     judged,
 )
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejected
+from selftouch_drake.agent.body_model.planes import in_a_plane
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
@@ -51,6 +52,10 @@ _OPEN = 0.6
 _SWAPS = 0.02
 # Chains that began apart and whose criteria differ by less agree.
 _SAME = 0.1
+# Above this share of inliers one limb made all touches.
+_ONE_LIMB = 0.9
+# A flat chain is taken unless it explains less than the same chain in space, by this share.
+_FLATTER = 0.01
 # More touchers are tried where a single one explains at least this share of held-out touches.
 _HOPE = 0.2
 # Above this share of inliers there is no other toucher to look for.
@@ -192,12 +197,18 @@ def _find(search: Search, touches: Touches, seed: int) -> Found | None:
         chain, group = _chain_of_part(search, touches, train, choice, parts[0])
         if chain is not None and chain.judgement.accepted:
             return _finished(search, touches, chain, purpose == VERDICT, seed)
-        # One limb has one chain, which has been looked for.
-        several = chain is None or len(limbs(*pair_statistic(search.q, group, least=20))) > 1
+        # One limb has one chain, which has been looked for; and what one chain does not explain
+        # of two limbs are outliers.
+        several = chain is None or (
+            not chain.judgement.inliers > _ONE_LIMB
+            and len(limbs(*pair_statistic(search.q, group, least=20))) > 1
+        )
     body = None
     if several:
         tested = purpose > 0
-        body = grow.grown(search, touches.scene({}), tested, touches.moving, hands=chain is not None)
+        body = grow.grown(
+            search, touches.scene({}), tested, touches.moving, hands=chain is not None
+        )
     if body is not None:
         found = _finished_tree(search, touches, body, purpose > 0, seed)
         if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
@@ -216,6 +227,7 @@ class _Chain:
         solution: of them.
         judgement: on held-out touches.
         swaps: `(L - 1,)` what it costs that neighbours change places.
+        fixed: `(n,)` bool, parameters that the fit held: those across the plane of a flat chain.
     """
 
     part: int
@@ -224,11 +236,11 @@ class _Chain:
     solution: Solution
     judgement: Judgement
     swaps: np.ndarray
+    fixed: np.ndarray
 
 
-def _score(chain: _Chain) -> float:
+def _score(judgement: Judgement) -> float:
     """How far held-out touches agree with a chain, 0 to 1."""
-    judgement = chain.judgement
     return float(np.nan_to_num(judgement.near * min(1.0, 2 * judgement.inliers)))
 
 
@@ -246,14 +258,15 @@ def _chain_of_part(
     best, costs = None, []
     for body in found_chains(search, group, touches.moving):
         chain = _solved(search, touches, (train, choice), body, part)
-        if best is None or _score(chain) > _score(best[0]):
-            best = chain, body
         costs.append(float(body.loss.sum()))
+        value = _score(chain.judgement), -costs[-1]
+        if best is None or value > best[0]:
+            best = value, chain, body
         if chain.judgement.accepted or _settled(costs):
             break
     if best is None:
         return None, group
-    chain, body = best
+    _, chain, body = best
     swaps = swap_costs(search, group, body) if chain.judgement.accepted else chain.swaps
     return replace(chain, swaps=swaps), group
 
@@ -275,9 +288,15 @@ def _solved(
     scene, tests = all_of_it.some(used), all_of_it.some(choice)
     solution = refined(scene, started(scene, body.twists[0], body.points[0]), tick=search.tick)
     verdict = judge_part(scene, tests, solution, part)
+    fixed = np.zeros(solution.twists.size + 3, dtype=bool)
+    flat = in_a_plane(scene, solution)
+    if flat is not None:
+        of_flat = judge_part(scene, tests, flat[0], part)
+        if _score(of_flat) > _score(verdict) - _FLATTER:
+            (solution, fixed), verdict = flat, of_flat
     # A chain may be that of one finger, and take the touches of another for outliers.
     explains_all = verdict.accepted and verdict.inliers > _ALL
-    if not explains_all and np.nan_to_num(verdict.near) > _HOPE:
+    if not explains_all and not fixed.any() and np.nan_to_num(verdict.near) > _HOPE:
         more, more_tests, grown = with_more(
             scene, tests, solution, part, _MOST_TOUCHERS, search.random
         )
@@ -285,8 +304,10 @@ def _solved(
             grown = refined(more, grown, tick=search.tick)
             scene, tests, solution = more, more_tests, grown
             verdict = judge_part(scene, tests, solution, part)
+            fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     order = structure.order_of(way)
-    return _Chain(part, order, scene, solution, verdict, np.full(max(len(order) - 1, 0), np.inf))
+    swaps = np.full(max(len(order) - 1, 0), np.inf)
+    return _Chain(part, order, scene, solution, verdict, swaps, fixed)
 
 
 def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Judgement:
@@ -321,7 +342,7 @@ def _finished(
     search: Search, touches: Touches, chain: _Chain, tested: np.ndarray, seed: int
 ) -> Found:
     """Kinds of joints, which of them may change places, and who made each touch of all."""
-    solution, kind = _kinds(search, touches, chain.scene, chain.solution)
+    solution, kind, fixed = _kinds(search, touches, chain.scene, chain.solution, chain.fixed)
     number = len(touches.center)
     tree = Tree.chain(chain.order, chain.part, len(solution.points))
     whole = touches.scene(chain.scene.ways)
@@ -332,7 +353,7 @@ def _finished(
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups, judgements={chain.part: verdict},
-        seed=seed,
+        seed=seed, fixed=fixed,
     )  # fmt: skip
 
 
@@ -349,15 +370,14 @@ def order_groups(order: list[int], swaps: np.ndarray, number: int) -> np.ndarray
 
 
 def _kinds(
-    search: Search, touches: Touches, scene: Scene, solution: Solution
-) -> tuple[Solution, np.ndarray]:
-    """Which joints slide; they then do not turn at all."""
+    search: Search, touches: Touches, scene: Scene, solution: Solution, fixed: np.ndarray
+) -> tuple[Solution, np.ndarray, np.ndarray]:
+    """Which joints slide, which then do not turn at all; and which parameters are held."""
     used = sorted({joint for way in scene.ways.values() for joint, _ in way})
     kind = np.full(len(touches.center), int(JointKind.UNUSED))
     kind[used] = JointKind.TURNS
     low, high = np.quantile(touches.q, [0.005, 0.995], axis=0)
     turn = np.linalg.norm(solution.twists[:, :3], axis=1) * (high - low)
-    fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     for joint in sorted(used, key=lambda joint: turn[joint]):
         if turn[joint] >= _OPEN:
             continue
@@ -372,7 +392,7 @@ def _kinds(
             cost = np.nanmean(trial.criterion) - np.nanmean(solution.criterion)
             if cost < _SLIDE_COST:
                 kind[joint], solution, fixed = JointKind.SLIDES, trial, trial_fixed
-    return solution, kind
+    return solution, kind, fixed
 
 
 def _finished_tree(
@@ -388,14 +408,15 @@ def _finished_tree(
     train = search.random.permutation(np.flatnonzero(~tested))[:_REFINED]
     scene, tests = whole.some(np.sort(train)), whole.some(np.flatnonzero(tested))
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
-    solution, kind = _kinds(search, touches, scene, solution)
+    free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
+    solution, kind, fixed = _kinds(search, touches, scene, solution, free)
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
     final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups,
-        judgements=verdicts, seed=seed,
+        judgements=verdicts, seed=seed, fixed=fixed,
     )  # fmt: skip
 
 

@@ -4,8 +4,8 @@ A model of joints says where a touch lies; so does a memory that knows no joints
 beside that touch. Only what memory cannot reach proves joints. So each held-out touch is compared
 with those touches of its kernel that are *far* from it in motor space, the farther half: joints
 bring them to one place although their postures differ, and a map that merely remembers does not.
-And a held-out touch whose place a regression without joints finds as well, from all touches that are
-as far from it, proves nothing and is left out.
+And a held-out touch whose place a regression without joints finds as well, from all touches that
+are as far from it, proves nothing and is left out.
 
 A touch is near if it lies nearer to its kernel's place than neighbouring kernels lie to each other.
 A touch farther than three such distances is an outlier: its label is wrong, or another toucher made
@@ -107,9 +107,10 @@ def held_out(q: np.ndarray, random: np.random.Generator) -> np.ndarray:
     centers = q[random.permutation(len(q))[: -(-number // size)]]
     # Near the centre among a share of all touches: a neighbourhood keeps its size as touches grow.
     near = cKDTree(q).query(centers, k=size)[1].reshape(len(centers), size)
-    purpose[near[0::2].ravel()] = CHOICE
-    # Where two neighbourhoods overlap, the verdict takes it.
-    purpose[near[1::2].ravel()] = VERDICT
+    # One neighbourhood in three is for the choice; what it shares with others, for the verdict.
+    purpose[near[0::3].ravel()] = CHOICE
+    purpose[near[1::3].ravel()] = VERDICT
+    purpose[near[2::3].ravel()] = VERDICT
     return purpose
 
 
@@ -191,9 +192,7 @@ def distant(train: Sample, own: np.ndarray, test: Sample) -> tuple[np.ndarray, n
     return radius, place
 
 
-def remembered(
-    train: Sample, middle: np.ndarray, test: Sample, radius: np.ndarray
-) -> np.ndarray:
+def remembered(train: Sample, middle: np.ndarray, test: Sample, radius: np.ndarray) -> np.ndarray:
     """Places of held-out touches from touches beside them, by regressions that know no joints.
 
     Args:
