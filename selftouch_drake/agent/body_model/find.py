@@ -292,7 +292,9 @@ def _solved(
     flat = in_a_plane(scene, solution)
     if flat is not None:
         of_flat = judge_part(scene, tests, flat[0], part)
-        if _score(of_flat) > _score(verdict) - _FLATTER:
+        # Without a test of both the general chain stays.
+        tested = np.isfinite([of_flat.near, verdict.near]).all()
+        if tested and _score(of_flat) > _score(verdict) - _FLATTER:
             (solution, fixed), verdict = flat, of_flat
     # A chain may be that of one finger, and take the touches of another for outliers.
     explains_all = verdict.accepted and verdict.inliers > _ALL
@@ -320,7 +322,7 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
         part: which part.
     """
     touchers = scene.touchers(part)
-    joints = sorted({joint for u in touchers for joint, _ in scene.ways[part, u]})
+    joints = np.array(sorted({joint for u in touchers for joint, _ in scene.ways[part, u]}))
 
     def sample(some: Scene, toucher: np.ndarray) -> Sample:
         rows = some.rows(part)
