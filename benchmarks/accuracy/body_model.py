@@ -164,7 +164,7 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
     seconds = time.perf_counter() - began
     chain = model.chain(int(model.toucher_link[0])) if len(model.toucher_link) else []
     right = order_right(name, [int(shuffled[joint]) for joint in chain])
-    # As the label is wrong on purpose, the truth's is asked for.
+    # Labels may be wrong on purpose: true ones say which part is meant.
     place = model.place(readings, target)
     result = []
     for number in range(len(model.accepted_by_part)):

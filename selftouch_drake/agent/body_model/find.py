@@ -189,6 +189,7 @@ class Touches:
 def _find(search: Search, touches: Touches, seed: int) -> Found | None:
     """The body of one part by one hand, or else of any tree."""
     purpose = held_out(touches.q, search.random)
+    tested = purpose > 0
     parts = sorted(set(touches.part[touches.target].tolist()))
     chain, several = None, True
     if len(parts) == 1:
@@ -205,12 +206,11 @@ def _find(search: Search, touches: Touches, seed: int) -> Found | None:
         )
     body = None
     if several:
-        tested = purpose > 0
         body = grow.grown(
             search, touches.scene({}), tested, touches.moving, hands=chain is not None
         )
     if body is not None:
-        found = _finished_tree(search, touches, body, purpose > 0, seed)
+        found = _finished_tree(search, touches, body, tested, seed)
         if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
             return found
     return None if chain is None else _finished(search, touches, chain, purpose == VERDICT, seed)

@@ -540,8 +540,8 @@ def covariance(scene: Scene, solution: Solution, *, fixed: np.ndarray | None = N
     rest = vectors[:, values > 0.5]
     inverse = np.linalg.pinv(rest.T @ found.hessian[np.ix_(free, free)] @ rest, rcond=1e-12)
     scores = (found.scores[:, free] - found.gradient[free] / len(found.scores)) @ rest
-    again = as_if_true(scene, solution)
-    Y = all_places(again, solution.twists, solution.points)
+    Y = all_places(scene, solution.twists, solution.points)
+    again = as_if_true(scene, solution, Y)
     slope = equations(again, settled(again, solution, Y)).gradient[free] @ rest
     inner = rest @ (inverse @ (scores.T @ scores + np.outer(slope, slope)) @ inverse) @ rest.T
     result = np.full((size, size), np.nan)
@@ -549,10 +549,15 @@ def covariance(scene: Scene, solution: Solution, *, fixed: np.ndarray | None = N
     return result
 
 
-def as_if_true(scene: Scene, solution: Solution) -> Scene:
-    """The scene with each touch given to the kernel whose place it lies at; outliers stay."""
+def as_if_true(scene: Scene, solution: Solution, Y: np.ndarray) -> Scene:
+    """The scene with each touch given to the kernel whose place it lies at; outliers stay.
+
+    Args:
+        scene: touches.
+        solution: of them.
+        Y: `(U, R, 3)` their places.
+    """
     target = scene.target.copy()
-    Y = all_places(scene, solution.twists, solution.points)
     for part in scene.parts:
         rows = scene.rows(part)
         rows = rows[solution.share[rows].sum(axis=1) > 0.5]

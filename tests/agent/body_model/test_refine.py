@@ -81,7 +81,8 @@ def test_standard_errors_shrink_with_more_touches_of_smaller_kernels():
 def test_standard_errors_count_the_size_of_kernels():
     scene, twists, points, _ = a_scene(6000)
     solution = refined(scene, started(scene, twists, points))
-    again = as_if_true(scene, solution)
+    Y = all_places(scene, solution.twists, solution.points)
+    again = as_if_true(scene, solution, Y)
     # Most touches lie at their own kernel; the others lie beside its border.
     assert 0.6 < (again.target == scene.target).mean() < 1.0
     found = np.sqrt(np.diag(covariance(scene, solution)))
