@@ -50,7 +50,7 @@ from selftouch_drake.geometry.receptors import place_receptors, receptive_fields
 from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import SensorModel, SkinModel, WornSkin
 from selftouch_drake.robot.faces import Faces
-from selftouch_drake.systems import AddSkins, TactileSkin, RegisterSkin
+from selftouch_drake.systems import AddSkins, RegisterSkin, TactileSkin
 
 GRAVITY = 9.81
 # m and Pa, of all skins but those that vary.

@@ -22,7 +22,7 @@ from pydrake.systems.framework import DiagramBuilder
 from selftouch_drake.geometry import hollow, receptors, surfaces
 from selftouch_drake.robot import SkinModel
 from selftouch_drake.robot.faces import Faces
-from selftouch_drake.systems import TactileSkin.AddToBuilder, RegisterSkin, UnfeltContactWarning
+from selftouch_drake.systems import RegisterSkin, TactileSkin, UnfeltContactWarning
 
 
 @pytest.fixture(scope="module")
