@@ -8,12 +8,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.judge import Judgement
 from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
-from selftouch_drake.agent.body_model.refine import (
-    Scene,
-    Solution,
-    all_places,
-    covariance,
-)
+from selftouch_drake.agent.body_model.refine import Scene, Solution, all_places
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
 
 # A receptor lies where touches press it at least half as hard as the receptor that they press most.
@@ -37,6 +32,8 @@ class Found:
         order_group: `(J,)` as in `BodyModel`.
         judgements: of each part.
         seed: of the fit.
+        spread: `(n, n)` covariance of the solution's twists and points, without the gauge; NaN for
+            what the fit held or nothing depends on.
     """
 
     tree: Tree
@@ -49,6 +46,7 @@ class Found:
     order_group: np.ndarray
     judgements: Mapping[int, Judgement]
     seed: int
+    spread: np.ndarray
 
 
 def normalizing(place: np.ndarray) -> np.ndarray:
@@ -206,8 +204,7 @@ def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
 
 def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
-    solution = found.solution
-    spread = covariance(found.scene, solution)
+    solution, spread = found.solution, found.spread
     known = np.flatnonzero(np.isfinite(np.diag(spread)))
     of_twists = known[known < solution.twists.size]
     base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)

@@ -16,13 +16,16 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.fit import Smooth
 from selftouch_drake.agent.body_model.judge import (
     ACCEPTED,
+    FEWEST_HELD_OUT,
     OUTLIER,
     TOUCHES_PER_PARAMETER,
     Judgement,
+    remembered,
+    unproven,
 )
 from selftouch_drake.agent.body_model.model import JointKind
 from selftouch_drake.agent.body_model.refine import kernel_medians
-from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
+from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished, spread
 from selftouch_drake.agent.body_model.structure import Search
 
 #: With more touches than this, kernels are as good, and cheaper.
@@ -39,7 +42,7 @@ _NEIGHBOURS, _MOST_NEIGHBOURHOODS = 5, 300
 _OF_JOINT, _OF_SIMILARITY = 5, 7
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FewFound:
     """A chain that few touches led to.
 
@@ -51,6 +54,7 @@ class FewFound:
         swaps: `(L - 1,)` what it costs that neighbours change places.
         place: `(n, 3)` of the touches, as their sensations say it.
         judgement: by touches left out.
+        spread: `(6 J + 3, 6 J + 3)` covariance of twists and point; NaN for joints left out.
     """
 
     order: list[int]
@@ -60,6 +64,7 @@ class FewFound:
     swaps: np.ndarray
     place: np.ndarray
     judgement: Judgement
+    spread: np.ndarray
 
 
 def found_by_sensation(
@@ -111,8 +116,9 @@ def found_by_sensation(
     twists[order] = chain.twists
     place = places(q[:, order], chain.twists, chain.point)
     return FewFound(
-        order, twists, chain.point, kind, _swap_costs(q, precision, order, chain),
-        sensed.predicted(place, sensed), verdict,
+        order=order, twists=twists, point=chain.point, kind=kind,
+        swaps=_swap_costs(q, precision, order, chain), place=sensed.predicted(place, sensed),
+        judgement=verdict, spread=_spread(q, precision, order, chain, kinds),
     )  # fmt: skip
 
 
@@ -128,7 +134,8 @@ def left_out_in_turn(
 ) -> Judgement:
     """Judges a chain by touches that it did not see: it is fitted anew without each fifth of them.
 
-    The rule is that of `judge`; where a kernel lies, a sensation says.
+    The rule is that of `judge`; where a kernel lies, a sensation says. A memory of all other
+    touches says it too, and what it places as well proves nothing.
 
     Args:
         q: `(n, L)` readings of its joints.
@@ -139,12 +146,11 @@ def left_out_in_turn(
     parameters = _OF_JOINT * len(chain.twists) + 3 - _OF_SIMILARITY
     needed = TOUCHES_PER_PARAMETER * parameters
     if len(q) < needed:
-        reason = f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)"
-        return Judgement(
-            accepted=False, near=np.nan, inliers=np.nan, criterion=np.nan, tested=0, reason=reason
+        return unproven(
+            f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)", 0
         )
     fold = np.arange(len(q)) * _FOLDS // len(q)
-    distance = np.empty(len(q))
+    distance, off = np.empty(len(q)), np.empty(len(q))
     for left_out in range(_FOLDS):
         train, test = np.flatnonzero(fold != left_out), np.flatnonzero(fold == left_out)
         seen = sensed.some(train)
@@ -155,16 +161,27 @@ def left_out_in_turn(
         middle = middle[np.isfinite(middle).all(axis=1)]
         apart = np.median(cKDTree(middle).query(middle, k=2)[0][:, 1])
         distance[test] = np.linalg.norm(place[test] - expected, axis=1) / apart
+        memory = remembered(q[train], place[train], q[test], np.zeros(len(test)))
+        off[test] = np.linalg.norm(memory - expected, axis=2).min(axis=0) / apart
     inlier = distance < OUTLIER
-    near, inliers = float((distance[inlier] < 1).mean()), float(inlier.mean())
+    proves = inlier & (off > 1)
+    if 2 * inlier.sum() > len(q) and proves.sum() < FEWEST_HELD_OUT:
+        return unproven(
+            f"a regression that knows no joints places all but {proves.sum()} of {inlier.sum()} "
+            f"touches, left out in turn, as well: they prove nothing ({FEWEST_HELD_OUT} needed "
+            "that do)",
+            len(q),
+        )
+    near = float((distance[proves] < 1).sum() / max(proves.sum(), 1))
+    inliers = float(inlier.mean())
     return Judgement(
-        accepted=near > ACCEPTED and inliers > 0.5,
+        accepted=near * min(1.0, 2 * inliers) > ACCEPTED,
         near=near,
         inliers=inliers,
         criterion=chain.criterion,
         tested=len(q),
         reason=(
-            f"{near:.1%} of {inlier.sum()} touches, left out in turn, lie nearer to where their "
+            f"{near:.1%} of {proves.sum()} touches, left out in turn, lie nearer to where their "
             f"sensations say than neighbouring sensations lie to each other ({ACCEPTED:.0%} "
             f"needed), {1 - inliers:.1%} of {len(q)} are outliers (fewer than half needed)"
         ),
@@ -212,3 +229,15 @@ def _swap_costs(
         there = finished(q[:, np.array(order)[swapped]], precision, other, _REFITTED)
         cost[index] = there.criterion - chain.criterion
     return cost
+
+
+def _spread(
+    q: np.ndarray, precision: np.ndarray, order: list[int], chain: SmoothChain, kinds: list[int]
+) -> np.ndarray:
+    """`(6 J + 3, 6 J + 3)` covariance, for all joints of the readings."""
+    slides = np.array([kind == JointKind.SLIDES for kind in kinds])
+    own = [6 * joint + entry for joint in order for entry in range(6)]
+    own += [6 * q.shape[1] + axis for axis in range(3)]
+    result = np.full((6 * q.shape[1] + 3,) * 2, np.nan)
+    result[np.ix_(own, own)] = spread(q[:, order], precision, chain, slides=slides)
+    return result

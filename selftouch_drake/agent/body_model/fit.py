@@ -78,7 +78,12 @@ class Smooth:
         rows = np.zeros((how.steps, 1, -(-number // TILE) * TILE), dtype=np.int32)
         rows[:, 0, :number] = self.rows
         return Draws(
-            q, rows, np.array([number]), np.int64(1), np.ones(1), np.ascontiguousarray(self.precision)
+            q,
+            rows,
+            np.array([number]),
+            np.int64(1),
+            np.ones(1),
+            np.ascontiguousarray(self.precision),
         )
 
 

@@ -14,6 +14,7 @@ import scipy.linalg
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import derivatives, places
+from selftouch_drake.agent.body_model.refine import gauge
 
 # Shares of receptors are those of readings to this power: less lets weak ones speak too.
 _POWER = 0.7
@@ -159,6 +160,21 @@ def finished(
         if small >= 2:
             break
     return SmoothChain(twists, point, value)
+
+
+def spread(
+    q: np.ndarray, precision: np.ndarray, chain: SmoothChain, *, slides: np.ndarray
+) -> np.ndarray:
+    """`(6 L + 3, 6 L + 3)` covariance of twists and point, without the directions of the gauge.
+
+    That of least squares weighted by the process, which is right as far as the process is.
+    """
+    _, hessian = _equations(q, precision, chain.twists, chain.point)
+    free = _free(chain.twists, slides)
+    free = free[:, free.any(axis=0)]
+    of_gauge = free.T @ gauge(chain.twists, chain.point[None])
+    rest = free @ scipy.linalg.null_space(of_gauge.T)
+    return rest @ np.linalg.inv(rest.T @ hessian @ rest) @ rest.T * (2 / len(q))
 
 
 def without_pitch(twists: np.ndarray) -> np.ndarray:

@@ -69,7 +69,9 @@ class Search:
         """Of all joints."""
         return len(self.q)
 
-    def descended(self, groups: Sequence[Group] | Sequence[Smooth], bodies: Bodies, how: Descent, **more) -> Bodies:
+    def descended(
+        self, groups: Sequence[Group] | Sequence[Smooth], bodies: Bodies, how: Descent, **more
+    ) -> Bodies:
         """`fit.descended` with draws of its own."""
         self.tick()
         seed = int(self.random.integers(2**31))
@@ -239,7 +241,12 @@ def neighbours(order: list[int], candidates: Iterable[int]) -> list[tuple[list[i
 
 
 def improved(
-    search: Search, group: Group | Smooth, body: Bodies, candidates: Sequence[int], *, passes: int = 0
+    search: Search,
+    group: Group | Smooth,
+    body: Bodies,
+    candidates: Sequence[int],
+    *,
+    passes: int = 0,
 ) -> Bodies:
     """The best body that neighbours of neighbours lead to.
 
