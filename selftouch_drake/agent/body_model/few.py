@@ -28,8 +28,8 @@ from selftouch_drake.agent.body_model.refine import kernel_medians
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished, spread
 from selftouch_drake.agent.body_model.structure import Search
 
-#: With more touches than this, kernels are as good, and cheaper.
-MOST = 2000
+#: With fewer touches no body is looked for; with more kernels are as good, and cheaper.
+FEWEST, MOST = 40, 2000
 # Touches that a search looks at.
 _SEARCHED = 256
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many

@@ -105,15 +105,18 @@ def find_body_model(
             seed=seed,
         )
 
-    if len(touches.rows) < structure.FEWEST or len(touches.moving) == 0:
+    number = len(touches.rows)
+    few_enough = sensation is not None and number <= few.MOST and len(set(part[target])) == 1
+    least = few.FEWEST if few_enough else structure.FEWEST
+    if number < least or len(touches.moving) == 0:
         return none(
-            f"{len(touches.rows)} touches of {len(touches.moving)} moving joints are too few to "
-            f"look for a body ({structure.FEWEST} needed)."
+            f"{number} touches of {len(touches.moving)} moving joints are too few to look for a "
+            f"body ({least} needed)."
         )
     tick = _Ticks(progress)
     search = Search(touches.single(), np.random.default_rng(seed), each, tick)
     found = None
-    if sensation is not None and len(touches.rows) <= few.MOST and len(set(part[target])) == 1:
+    if few_enough:
         found = _find_by_sensation(search, touches, sensation, seed)
     if found is None:
         found = _find(search, touches, seed)

@@ -190,10 +190,12 @@ def _free(twists: np.ndarray, slides: np.ndarray | None) -> np.ndarray:
     length = len(twists)
     free = np.zeros((6 * length + 3, 5 * length + 3))
     for joint, twist in enumerate(twists):
-        across = np.concatenate([twist[3:], twist[:3]])[None]
-        free[6 * joint : 6 * joint + 6, 5 * joint : 5 * joint + 5] = np.linalg.svd(across)[2][1:].T
+        row, column = 6 * joint, 5 * joint
         if slides is not None and slides[joint]:
-            free[6 * joint : 6 * joint + 3] = 0
+            free[row + 3 : row + 6, column : column + 3] = np.eye(3)
+        else:
+            pitch = np.concatenate([twist[3:], twist[:3]])[None]
+            free[row : row + 6, column : column + 5] = np.linalg.svd(pitch)[2][1:].T
     free[-3:, -3:] = np.eye(3)
     return free
 
