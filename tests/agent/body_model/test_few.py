@@ -153,7 +153,7 @@ def test_labels_alone_need_more():
 
 
 def test_a_slide_is_told_from_a_turn_by_few():
-    q, sensation, _, (all_q, all_y) = sample(300, slides=[1])
+    q, sensation, _, (all_q, all_y) = sample(200, slides=[1])
     model = found(q, sensation)
     assert model.accepted, model.reason
     assert model.joint_kind.tolist() == [1, 2, 1, 1]
@@ -163,7 +163,7 @@ def test_a_slide_is_told_from_a_turn_by_few():
 
 @pytest.mark.parametrize("what", ["mixed", "shuffled"])
 def test_no_chain_is_no_body(what):
-    q, sensation, _, _ = sample(300)
+    q, sensation, _, _ = sample(160)
     if what == "mixed":
         q = q + 0.3 * np.sin(2 * q[:, ::-1])
     else:
