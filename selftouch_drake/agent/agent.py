@@ -44,9 +44,9 @@ class Agent:
         memory: what it learned from practice and rehearsals.
         kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
             representation; it makes prediction errors five times smaller. None if not kept.
-        knot_spacing: as of `Planner`.
-        touch_model: as of `Planner`.
-        prefer: as of `Planner`.
+        knot_spacing: as in `Planner`.
+        touch_model: as in `Planner`.
+        prefer: as in `Planner`.
     """
 
     representation: QuotientRepresentation
@@ -152,7 +152,7 @@ class Agent:
     def motion(self, plan: Plan, *, dry_run: "DryRun | None" = None, **timed: np.ndarray) -> Motion:
         """A plan with times and with the sensations that the agent expects.
 
-        `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as of `predict`.
+        `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as in `predict`.
         """
         expected = self.predict(plan, timed["s"], dry_run)
         found = {"predicted": expected.sensation, "predicted_spread": expected.spread}

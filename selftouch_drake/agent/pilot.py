@@ -86,7 +86,7 @@ class Pilot:
     def plan(self, *targets: int) -> PlannedMotion:
         """Plans through two or more target sensations, in order.
 
-        The motion starts at a configuration of the first, as of `start_of`.
+        The motion starts at a configuration of the first, as in `start_of`.
 
         Raises:
             NoWayError: none was found.
@@ -124,7 +124,7 @@ class Pilot:
         return members[rng.integers(len(members))].astype(float)
 
     def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
-        """The timed plan, with what the agent expects to feel, as of `Agent.predict`."""
+        """The timed plan, with what the agent expects to feel, as in `Agent.predict`."""
         timed = time_path(
             plan.path,
             velocity_limit=self.body.velocity,

@@ -114,7 +114,7 @@ class _Joints:
 
 
 class DrakeBody(_Joints):
-    """A robot without dynamics: it can be at any configuration at once; margin as of `DrakeFelt`.
+    """A robot without dynamics: it can be at any configuration at once; margin as in `DrakeFelt`.
 
     Attributes:
         unit: `(J,)` how far a joint moves where a revolute one turns by a radian.
@@ -168,7 +168,7 @@ class DrakeDynamicBody(_Joints):
         jumps: whether it may be put anywhere at rest, as a simulation may; otherwise it travels.
 
     Attributes:
-        unit: as of `DrakeBody`.
+        unit: as in `DrakeBody`.
         offsets: `(G,)` mu, displacements that the touch servo distinguishes.
         robot_s: s, time of the robot so far.
     """
@@ -331,12 +331,12 @@ class DrakeBabblingBody(DrakeDynamicBody):
         return go_on
 
     def feel(self, q: np.ndarray) -> DrakeFelt:
-        """As of `DrakeDynamicBody`."""
+        """As in `DrakeDynamicBody`."""
         self._leave_the_walk()
         return super().feel(q)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> DrakeFollowed:
-        """As of `DrakeDynamicBody`, in straight pieces."""
+        """As in `DrakeDynamicBody`, in straight pieces."""
         self._leave_the_walk()
         return super().follow(time_s, q)
 

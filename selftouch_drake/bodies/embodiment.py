@@ -43,7 +43,7 @@ def without_robot(experiment: Experiment) -> str | None:
 
 
 def build_world(experiment: Experiment, cache: Path | None = None, fingerprint: str = "") -> World:
-    """The world of an experiment, with its robot built; arguments are as of `make_bodies`.
+    """The world of an experiment, with its robot built; arguments are as in `make_bodies`.
 
     Raises:
         ExperimentError: Drake refuses it, in its own words, or there is no robot.

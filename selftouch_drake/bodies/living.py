@@ -78,7 +78,7 @@ class LivingBody:
         return self._body.robot_s
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`, with sensations."""
+        """As in `Body`, with sensations."""
         felt = self._body.feel(q)
         self._at = None
         if len(felt.q):
@@ -86,7 +86,7 @@ class LivingBody:
         return self._noted(replace(felt, sensation=self._sensation(felt.sensation)))
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`, with sensations; a body that travels goes to the first one before."""
+        """As in `Body`, with sensations; a body that travels goes to the first one before."""
         there = self._at is not None and np.array_equal(q[0], self._at)
         if not (self.jumps or there):
             self._go(q[:1])

@@ -91,7 +91,7 @@ def laid_out(
 ) -> tuple[Embedding, int]:
     """Lays out nodes in as many dimensions as they need, at most 3, and says how many that are.
 
-    The `(N, N)` distances are shortest paths over `(E, 2)` edges; the skin is as of `Shape`.
+    The `(N, N)` distances are shortest paths over `(E, 2)` edges; the skin is as in `Shape`.
     """
     layout = lay_out(edges, distances, skin + 1)
     space = space_dimension(edges, distances, layout, skin)
@@ -103,7 +103,7 @@ def laid_out(
 def measured(
     places: np.ndarray, distances: np.ndarray, skin: int
 ) -> tuple[Topology | None, float | None]:
-    """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as of `Shape`."""
+    """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as in `Shape`."""
     holes = None if flat(places) else topology(places)
     enough = len(distances) >= LEAST_KERNELS
     return holes, intrinsic_dimension(distances, skin) if enough else None

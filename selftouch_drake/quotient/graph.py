@@ -78,7 +78,7 @@ def quotient_graph(
         apart: `(K, K)` bool, pairs of kernels that nothing may join; there are none by default.
 
     Warns:
-        DisconnectedWarning: as of `connected_edges`.
+        DisconnectedWarning: as in `connected_edges`.
     """
     neighbours, near = surface_neighbours(set_distance, targets, apart)
     edges = connected_edges(neighbours, near)
@@ -108,7 +108,7 @@ def surface_neighbours(
     Kernels with nothing in common come last: the more joints, the less informative is their set
     distance.
 
-    Arguments are as of `quotient_graph`. Returns `(E, 2)` pairs i < j, sorted, and `(K, K)` the
+    Arguments are as in `quotient_graph`. Returns `(E, 2)` pairs i < j, sorted, and `(K, K)` the
     combined distance, infinite where kernels are apart.
     """
     near = set_distance * np.sqrt(cdist(targets, targets))

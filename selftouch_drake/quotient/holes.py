@@ -86,7 +86,7 @@ def topology(points: np.ndarray) -> Topology:
     closes before the bowl is filled, does not count. Components are counted at a radius at which
     all true bars are born and no missing kernel splits the body.
 
-    The `(K, d)` points, d = 2 or 3, are evenly spread over the body. Errors are as of `delaunay`.
+    The `(K, d)` points, d = 2 or 3, are evenly spread over the body. Errors are as in `delaunay`.
     """
     found = _bars(points)
     h0, h1, h2 = (_radii(bars) for bars in found)

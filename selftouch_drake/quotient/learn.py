@@ -64,13 +64,13 @@ def learn(
 ) -> Representation:
     """Learns from `(n, S)` N, no row null, felt at `(n, J)` q in the robot's units.
 
-    As the paper does: one body, one kind of touch. The sizes are as of `Sizes`.
+    As the paper does: one body, one kind of touch. The sizes are as in `Sizes`.
 
     Raises:
         ValueError: a size is invalid, or the experience cannot be learned from.
 
     Warns:
-        DisconnectedWarning: as of `graph.connected_edges`.
+        DisconnectedWarning: as in `graph.connected_edges`.
     """
     sizes = Sizes(num_targets=num_targets, max_kernel_size=max_kernel_size, seed=seed)
     sensation, q = checked_experience(sensation, q)

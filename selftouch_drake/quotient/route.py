@@ -121,7 +121,7 @@ def carried_route(
         graph: what is searched.
         query: where the route begins and ends.
         penalty: `(L,)` positive factors on the cost of each link.
-        length: `(L,)` lengths of the links, as of `links.link_lengths`; None if only joints count.
+        length: `(L,)` lengths of the links, as in `links.link_lengths`; None if only joints count.
 
     Returns:
         `(N,)` kernels from the start to the goal; empty if the links do not join them.

@@ -41,7 +41,7 @@ def smooth_path(
     knot_spacing: float = KNOT_SPACING,
     limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BSpline:
-    """The quintic spline nearest the polyline, as of `smooth_curve`.
+    """The quintic spline nearest the polyline, as in `smooth_curve`.
 
     A spline lies in the convex hull of its control points, so clipping these keeps it within the
     limits and equally smooth.

@@ -36,7 +36,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
     triangle that is wider than itself. Triangles that stop it, `(F, 3)` corners counterclockwise
     seen from outside, are the surface. It is closed, and has the loops of the body if the radius is
-    the scale of its topology, in the unit of the `(K, 3)` points. Errors are as of `delaunay`.
+    the scale of its topology, in the unit of the `(K, 3)` points. Errors are as in `delaunay`.
     """
     found = delaunay(points)
     points, tetrahedra = found.points, found.simplices

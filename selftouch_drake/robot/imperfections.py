@@ -124,7 +124,7 @@ class ImperfectSkin:
     ) -> np.ndarray:
         """`(N, S)` readings if a perfect skin feels `sensation` `(N, S)` N at `q` `(N, J)`.
 
-        None is negative. Those `before` are as of `readings`.
+        None is negative. Those `before` are as in `readings`.
         """
         flaws = self.flaws
         read = np.array(sensation, dtype=float)

@@ -19,7 +19,7 @@ from selftouch_drake.robot.skins import SkinModel, make_skins
 
 
 class Postures:
-    """Drake's view of a robot at one configuration after another; arguments as of `MakeRobot`."""
+    """Drake's view of a robot at one configuration after another; arguments as in `MakeRobot`."""
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
         scene_graph = SceneGraph()
@@ -93,7 +93,7 @@ class ContactProbe:
     def _of_perfect_skins(self, q: np.ndarray, *, once: bool = False) -> tuple[np.ndarray, Touches]:
         """The rows of `q` with something near a skin, and the touches of perfect skins there.
 
-        `once` is as of `RigidTouchers.touches`.
+        `once` is as in `RigidTouchers.touches`.
         """
         near = self._screen.near(q)
         rows = np.flatnonzero(near.any(axis=1))

@@ -244,7 +244,7 @@ def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
 
 
 def load_execution(run: RunDirectory, *targets: int | str) -> Execution:
-    """A stored execution; arguments and errors as of `load_motion`."""
+    """A stored execution; arguments and errors as in `load_motion`."""
     return _load_plan(run, Execution, targets)
 
 

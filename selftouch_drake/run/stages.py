@@ -316,7 +316,7 @@ def _keep_plan(run: RunDirectory, motion: Motion, *targets: int | str, **numbers
 def execute(run: RunDirectory, *targets: int | str) -> Try:
     """Executes a stored plan in the agent's body, and saves the sensations with it.
 
-    The targets name the plan, as of `load_motion`.
+    The targets name the plan, as in `load_motion`.
 
     Returns:
         The agent's own judgement of it.

@@ -199,7 +199,7 @@ def _scores(
 def _cells(
     truth: Arrays, weight: np.ndarray, places: np.ndarray, true: np.ndarray, part: np.ndarray
 ) -> _Cells:
-    """The cells of items, as of `_scores`.
+    """The cells of items, as in `_scores`.
 
     A cell lies at the mean of the places of its items, those of the part that most of them are on,
     and truly at the mean of their true places: so right places have no error, however few they are.

@@ -73,7 +73,7 @@ class OnlineLearner:
         # The last one is not a kernel: it holds touches of several places, which are set aside.
         self._memory = KernelReservoir(num_targets + 1, max_kernel_size, seed=seed)
         self._num_set_aside = 0
-        # Chosen now and then, as of `QuotientRepresentation`; and the number of touches then.
+        # Chosen now and then, as in `QuotientRepresentation`; and the number of touches then.
         self._targets = np.zeros((0, 0), dtype=np.float32)
         self._part = self._joint_scale = np.zeros(0)
         self._together, self._laid_out_at = receptors_together(np.zeros((1, 1))), 0

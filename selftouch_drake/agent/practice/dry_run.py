@@ -21,7 +21,7 @@ class DryRun:
     n places, S receptors.
 
     Attributes:
-        s: `(n,)` path lengths of the places, as of `Plan.waypoint_s`.
+        s: `(n,)` path lengths of the places, as in `Plan.waypoint_s`.
         felt: `(n, S)` N, sensations there.
         lost: steps on which expected contact was lost.
         impossible: steps with configurations that the robot cannot take.

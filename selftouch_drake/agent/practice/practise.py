@@ -58,7 +58,7 @@ def practise(
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
     other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
-    are as of `Agent.plan`.
+    are as in `Agent.plan`.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.

@@ -40,7 +40,7 @@ class Found:
 
     Attributes:
         targets: `(K, S)` target sensations that are kept, unit L2 norm.
-        joint_scale: as of `QuotientRepresentation`, as are all that follow.
+        joint_scale: as in `QuotientRepresentation`, as are all that follow.
         kernel_mode: the mode of each touch.
         mode_joints: the joints that matter in each mode.
         overlap: receptors that may feel the same touch.
@@ -137,7 +137,7 @@ def represented(
     graph: QuotientGraph,
     found: Found,
 ) -> Learned:
-    """What was learned, from its pieces; arguments are as of `joined`."""
+    """What was learned, from its pieces; arguments are as in `joined`."""
     representation = QuotientRepresentation(
         target_sensations=found.targets,
         kernel_offsets=sets.offsets,

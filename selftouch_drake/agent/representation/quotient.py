@@ -122,7 +122,7 @@ def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.nd
     """`(R, J)` float32, scaled configurations with joints that do not matter set to their mean.
 
     Otherwise these joints would be noise in every distance between configurations. Mode and
-    `mode_joints` are as of `QuotientRepresentation`.
+    `mode_joints` are as in `QuotientRepresentation`.
     """
     return np.where(row_joints(mode, mode_joints), x, x.mean(axis=0)).astype(np.float32)
 

@@ -28,7 +28,7 @@ class SeveralPlaces:
 
     Attributes:
         together: which receptors feel the same touch.
-        expected: `(P, P)` as of `expected_readings`; None if touches are compared as they are felt.
+        expected: `(P, P)` as in `expected_readings`; None if touches are compared as they are felt.
     """
 
     together: Together
@@ -53,7 +53,7 @@ class SeveralPlaces:
         return felt if self.expected is None else felt.astype(np.float32) @ self.expected
 
     def by_receptor(self, sensation: np.ndarray, row: np.ndarray, felt: np.ndarray) -> np.ndarray:
-        """As of `Together.receptors`."""
+        """As in `Together.receptors`."""
         return self.together.receptors(sensation, row, felt)
 
     def targets(self, compared: np.ndarray, num_targets: int) -> np.ndarray:
@@ -97,7 +97,7 @@ def common_targets(
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
     So targets with hardly any touches, for their part, are dropped with their touches. If not
     `chance`, this does nothing. Parts follow from `(S, S)` `near`; it and `chance` are as of
-    `Together`, all else is as of `target_sensations`.
+    `Together`, all else is as in `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)

@@ -35,7 +35,7 @@ class Sorted:
         sample: what is kept of each kernel; its columns are `q`, `(R, J)` float32, `strength`,
             `(R,)` N, and `error`, `(R,)` cosine distance to the target sensation.
         senses: how sensations are taken apart.
-        total: as of `SeveralPlaces.total`, of all touches.
+        total: as in `SeveralPlaces.total`, of all touches.
         num_touches: rows of the experience.
         num_set_aside: touches that were set aside.
     """

@@ -130,7 +130,7 @@ def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def receptors_together(sensation: np.ndarray) -> Together:
-    """Finds which receptors feel the same touch, by sensations as of `overlapping`.
+    """Finds which receptors feel the same touch, by sensations as in `overlapping`.
 
     Two hands that move independently seldom touch at once: the share of such touches is about half
     the share of time that one hand touches. They are excluded, because any place of one hand occurs

@@ -93,17 +93,17 @@ class ShapeMetric:
 def literal(
     representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
 ) -> BodyGraph:
-    """As of `quotient.lengths.literal`."""
+    """As in `quotient.lengths.literal`."""
     return lengths.literal(representation, progress)
 
 
 def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
-    """As of `quotient.lengths.motor`."""
+    """As in `quotient.lengths.motor`."""
     return lengths.motor(representation)
 
 
 def sensorimotor(representation: QuotientRepresentation, skin: int, *_: object) -> BodyGraph:
-    """As of `quotient.lengths.sensorimotor`, corrected for where the receptors lie.
+    """As in `quotient.lengths.sensorimotor`, corrected for where the receptors lie.
 
     It is not corrected where no model of the receptors explains what is felt.
     """
