@@ -20,12 +20,13 @@ from .threads import in_slices, thread_pool
 #: 120, 240, nearest kernels are truly near in 99.2, 99.8, 99.7; 77.7, 82.2, 83.1 %.
 MAX_QUERIES = 120
 #: Queries per set where a rough distance is enough: shape and plans are the same with 8 and 32.
-#: And number of sets compared in one call.
 _FEW_QUERIES = 16
+# Sets whose few queries are compared in one call.
 _TOGETHER = 8
 # Links along which one thread searches at once.
 _LINKS = 32
-_NOT_TOLD = np.empty((0, 0), dtype=np.int32)
+# Stands for the rows of the nearest members, where nobody asks which they are.
+_NO_ROWS = np.empty((0, 0), dtype=np.int32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +44,20 @@ class SetDistance:
 
 def quantile(near: np.ndarray, share: float) -> np.ndarray:
     """The same as `np.quantile(near, share, axis=0)` of `(N, K)`, in a fifth of the time."""
-    at = share * (len(near) - 1)
-    after = min(int(at) + 1, len(near) - 1)
-    part = np.partition(near.T, after, axis=1)
-    above, part = part[:, after], part[:, :after]
-    if not part.size:
+    # The quantile lies between two ranks, at this place.
+    place = share * (len(near) - 1)
+    rank_above = min(int(place) + 1, len(near) - 1)
+    parted = np.partition(near.T, rank_above, axis=1)
+    above = parted[:, rank_above]
+    if rank_above == 0 or not len(above):
         return above
-    below, done = part.max(axis=1), at - int(at)
+    below = parted[:, :rank_above].max(axis=1)
+    step = above - below
     # As numpy does it: exact at both ends.
-    between = above - below
-    return below + between * done if done < 0.5 else above - between * (1.0 - done)
+    past_below = place - int(place)
+    if past_below < 0.5:
+        return below + step * past_below
+    return above - step * (1.0 - past_below)
 
 
 #: The set distances by name. `minimum` is the paper's quotient metric; measured on bodies of known
@@ -132,7 +137,7 @@ def _nearest(x: np.ndarray, sets: KernelSets, asked: np.ndarray) -> np.ndarray:
     offsets = np.asarray(sets.offsets, dtype=np.int64)
     squared = np.empty((len(asked), len(x)), dtype=np.float32)
     search = _nearest_squared(sets.x.shape[1], False)
-    search(x.T.copy(), sets.x, offsets[asked], offsets[asked + 1], squared, _NOT_TOLD)
+    search(x.T.copy(), sets.x, offsets[asked], offsets[asked + 1], squared, _NO_ROWS)
     return np.sqrt(squared.T)
 
 

@@ -132,10 +132,12 @@ def neighbour_edges(
     distance = np.array(distance, dtype=float)
     np.fill_diagonal(distance, np.inf)
     order = np.argsort(distance, axis=1, kind="stable")
-    near, kept = np.zeros((2, *distance.shape), dtype=bool)
+    near = np.zeros(distance.shape, dtype=bool)
+    kept = np.zeros(distance.shape, dtype=bool)
     np.put_along_axis(near, order[:, :num_mutual], True, axis=1)
     np.put_along_axis(kept, order[:, :num_kept], True, axis=1)
-    return np.argwhere(np.triu(((near & near.T) | kept | kept.T) & np.isfinite(distance), 1))
+    neighbours = (near & near.T) | kept | kept.T
+    return np.argwhere(np.triu(neighbours & np.isfinite(distance), 1))
 
 
 def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
@@ -171,7 +173,9 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _first_five(items: Iterable[object]) -> str:
     texts = [str(item) for item in items]
-    return ", ".join(texts[:5] + ["..."] * (len(texts) > 5))
+    if len(texts) > 5:
+        texts = [*texts[:5], "..."]
+    return ", ".join(texts)
 
 
 def to_networkx(

@@ -52,13 +52,14 @@ def _shorten(tail: np.ndarray, head: np.ndarray, length: np.ndarray, path: np.nd
     while shorter:
         shorter = False
         for edge in range(len(length)):
-            there, here, step, fewer = path[tail[edge]], path[head[edge]], length[edge], 0
+            there, here, step = path[tail[edge]], path[head[edge]], length[edge]
+            num_shorter = 0  # counted without a branch, for the vector lanes
             for source in range(len(here)):
                 back, out = here[source] + step, there[source] + step
-                fewer += (out < here[source]) + (back < there[source])
+                num_shorter += (out < here[source]) + (back < there[source])
                 here[source] = out if out < here[source] else here[source]
                 there[source] = back if back < there[source] else there[source]
-            if fewer:
+            if num_shorter:
                 shorter = True
 
 

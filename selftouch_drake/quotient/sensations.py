@@ -177,6 +177,7 @@ def _most_alike(
     for row in range(len(points)):
         num_felt = 0
         for receptor in range(num_receptors):
+            # Without a branch: each entry is written, and the next one overwrites it if it is 0.
             felt[num_felt], weight[num_felt] = receptor, points[row, receptor]
             num_felt += points[row, receptor] > 0
         weight[num_felt : num_felt + 3] = 0

@@ -124,7 +124,7 @@ class ImperfectSkin:
     ) -> np.ndarray:
         """`(N, S)` readings if a perfect skin feels `sensation` `(N, S)` N at `q` `(N, J)`.
 
-        None is negative. Those `before` are as in `readings`.
+        None is negative. The last readings, `before`, are as in `read_forces`.
         """
         flaws = self.flaws
         read = np.array(sensation, dtype=float)

@@ -9,8 +9,7 @@ from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, stored_row
 from selftouch_drake.agent.representation.touches import felt_kernels
 
-#: Length of scaled path between the places at which the agent feels, and checks that it can be
-#: there.
+#: mu of path length between the places at which the agent feels, and checks that it can be there.
 _SAMPLED = 0.03
 
 

@@ -137,7 +137,7 @@ class KernelReservoir:
 
     def _settle(self) -> None:
         """Keeps the rows with the lowest priorities of each kernel."""
-        parts = [self._settled] * bool(self._settled) + self._waiting
+        parts = [self._settled, *self._waiting] if self._settled else self._waiting
         rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         kernel, priority = rows["kernel"], rows["priority"]
         # Sorting takes long, so rows of kernels that have room are left out.

@@ -270,7 +270,9 @@ def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) 
     representation has several parts, or set touches of several places aside, the sensation is split
     into separate touches. Otherwise it is compared as a whole.
     """
-    touches = np.asarray(sensation)[None][: int(np.any(sensation))]
+    if not np.any(sensation):
+        return np.empty(0, dtype=np.intp)
+    touches = np.asarray(sensation)[None]
     if representation.num_set_aside or representation.part.any():
         _, touches = separate_touches(touches, representation.overlap)
     return (touches @ representation.target_sensations.T).argmax(axis=1)
