@@ -128,7 +128,7 @@ class Agent:
 
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
-        The first target is None if nothing is felt at `q_start`. Arguments and errors are as of
+        The first target is None if nothing is felt at `q_start`. Arguments and errors are as in
         `Planner.plan`: options are `aside`, `lift_off` and `limits`.
         """
         if q_start is None:

@@ -9,6 +9,7 @@ They differ in how they reduce it to a number.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -105,7 +106,7 @@ def set_distances(
 
     def fill_exactly(kernel: int) -> None:
         asked = np.flatnonzero(exact[kernel])
-        there[kernel, asked] = chosen.reduce(_nearest(queries.members(kernel), sets, asked))
+        there[kernel, asked] = chosen.reduce(_nearest(queries.configurations(kernel), sets, asked))
 
     with thread_pool() as pool:
         for done, _ in enumerate(pool.map(fill_exactly, range(len(sets))), 1):
@@ -122,7 +123,7 @@ def _fill_roughly(
     queries, kernels = sets.thinned(num_queries), np.arange(len(sets))
 
     def fill(rows: slice) -> None:
-        some = [queries.members(kernel) for kernel in kernels[rows]]
+        some = [queries.configurations(kernel) for kernel in kernels[rows]]
         near = _nearest(np.concatenate(some), sets, kernels)
         first = 0
         for kernel, asking in zip(kernels[rows], some, strict=True):
@@ -141,14 +142,25 @@ def _nearest(x: np.ndarray, sets: KernelSets, asked: np.ndarray) -> np.ndarray:
     return np.sqrt(squared.T)
 
 
-def linked_nearest(
-    sets: KernelSets, links: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class Nearest(NamedTuple):
+    """The nearest configurations along L links, each from a first to a second kernel.
+
+    Attributes:
+        offsets: `(L + 1,)` link l owns entries `offsets[l]:offsets[l + 1]` of the other arrays, one
+            for each configuration of its first kernel.
+        row: `(N,)` int32, the row of the nearest configuration of the second kernel.
+        squared: `(N,)` float32 mu^2, the squared distance to it.
+    """
+
+    offsets: np.ndarray
+    row: np.ndarray
+    squared: np.ndarray
+
+
+def linked_nearest(sets: KernelSets, links: np.ndarray) -> Nearest:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
-    The sets are scaled, mu; `(L, 2)` links are first and second kernel of each. Returns `(L + 1,)`
-    offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration of its first
-    kernel; int32 rows of the nearest configurations; float32 mu^2, their squared distances.
+    The sets are scaled, mu; `(L, 2)` links are first and second kernel of each.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)
@@ -171,7 +183,18 @@ def linked_nearest(
             )
 
     in_slices(along, len(links), _LINKS)
-    return offsets, row, squared
+    return Nearest(offsets, row, squared)
+
+
+# It is not cached: the functions that call it keep it.
+@numba.njit
+def square_step(x, y):
+    """The squared distance of two configurations `(J,)`."""
+    total = np.float32(0.0)
+    for joint in range(len(x)):
+        step = x[joint] - y[joint]
+        total += step * step
+    return total
 
 
 @lru_cache

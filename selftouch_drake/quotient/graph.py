@@ -91,8 +91,8 @@ def quotient_graph(
 
 def _nearest_distance(sets: KernelSets, edges: np.ndarray) -> np.ndarray:
     """`(E,)` float32 mu, mean nearest distance over both directions of each edge."""
-    offsets, _, squared = linked_nearest(sets, np.concatenate([edges, edges[:, ::-1]]))
-    there, back = np.split(np.add.reduceat(np.sqrt(squared), offsets[:-1]), 2)
+    near = linked_nearest(sets, np.concatenate([edges, edges[:, ::-1]]))
+    there, back = np.split(np.add.reduceat(np.sqrt(near.squared), near.offsets[:-1]), 2)
     i, j = edges.T
     return ((there / sets.sizes[i] + back / sets.sizes[j]) / 2).astype(np.float32)
 

@@ -61,16 +61,3 @@ def _shorten(tail: np.ndarray, head: np.ndarray, length: np.ndarray, path: np.nd
                 there[source] = back if back < there[source] else there[source]
             if num_shorter:
                 shorter = True
-
-
-def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
-
-    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
-    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
-    redundant the arm is there.
-    """
-    i, j = edges.T
-    total = np.bincount(edges.ravel(), np.repeat(length, 2))
-    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
-    return length / np.sqrt(spacing[i] * spacing[j])

@@ -123,7 +123,7 @@ def plan(
         )
     waypoints_x = x_start[None]
     if start != goal:
-        between = [ways.graph.firm.members(kernel) for kernel in nodes[1:-1]]
+        between = [ways.graph.firm.configurations(kernel) for kernel in nodes[1:-1]]
         waypoints_x = smoothest_configurations([waypoints_x, *between, ends])
     return path_through(nodes, waypoints_x, q_start, representation)
 

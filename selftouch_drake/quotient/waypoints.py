@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numba import njit
 
-from .route import square_step
+from .distances import square_step
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:

@@ -32,7 +32,7 @@ def test_the_papers_own_metric_is_of_the_complete_graph(representation):
     assert len(graph.edges) == 120 * 119 / 2
     sets = representation.kernel_sets
     for (i, j), length in zip(graph.edges[::997], graph.length[::997], strict=True):
-        apart = np.linalg.norm(sets.members(i)[:, None] - sets.members(j), axis=2)
+        apart = np.linalg.norm(sets.configurations(i)[:, None] - sets.configurations(j), axis=2)
         assert length == pytest.approx(apart.min(), rel=1e-4)
 
     def lay_out(edges, distances, dimension):

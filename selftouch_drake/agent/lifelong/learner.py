@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.learning import Found, joined, represented
 from selftouch_drake.agent.representation.quotient import (
-    LEAST_KERNELS,
+    LEAST_OF_PART,
     NO_MODE,
     QuotientRepresentation,
     mattering,
@@ -176,7 +176,7 @@ class OnlineLearner:
         felt = together.receptors(sensation, touch, of_pools)
         known = ~aside & np.isin(touch, some)
         num_targets = min(int(known.sum()) // _TOUCHES_PER_TARGET, self.num_targets)
-        if num_targets < LEAST_KERNELS:
+        if num_targets < LEAST_OF_PART:
             return
         overlap = together.overlap
         targets = common_targets(felt[known], num_targets, overlap, together.chance, or_fewer=True)

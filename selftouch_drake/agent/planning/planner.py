@@ -235,7 +235,7 @@ class Planner:
         query = Query(start, way.end[joints], goal, goal_x)
         nodes = carried_route(graph, query, penalty, length).tolist()
         links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
-        layers = [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x]
+        layers = [*(graph.firm.configurations(k) for k in nodes[1:-1]), goal_x]
         way.follow(nodes[1:], links, layers, mode)
 
     def _through(

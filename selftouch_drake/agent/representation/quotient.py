@@ -16,7 +16,7 @@ NO_MODE = -1
 
 #: Fewest kernels of a part whose shape and holes are recovered. Smaller parts are fragments: the
 #: rim of a patch that was hardly touched, or a receptor that shares no touch with others.
-LEAST_KERNELS = 12
+LEAST_OF_PART = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,11 +74,11 @@ class QuotientRepresentation(Representation, Record):
 
     @property
     def num_parts(self) -> int:
-        """Number of parts without fragments of fewer than `LEAST_KERNELS` kernels; 1 or more.
+        """Number of parts without fragments of fewer than `LEAST_OF_PART` kernels; 1 or more.
 
         They are parts 0 to `num_parts - 1`.
         """
-        return max(int(np.sum(np.bincount(self.part) >= LEAST_KERNELS)), 1)
+        return max(int(np.sum(np.bincount(self.part) >= LEAST_OF_PART)), 1)
 
     @property
     def apart(self) -> np.ndarray:

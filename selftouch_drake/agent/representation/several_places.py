@@ -96,7 +96,7 @@ def common_targets(
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
     So targets with hardly any touches, for their part, are dropped with their touches. If not
-    `chance`, this does nothing. Parts follow from `(S, S)` `near`; it and `chance` are as of
+    `chance`, this does nothing. Parts follow from `(S, S)` `near`; it and `chance` are as in
     `Together`, all else is as in `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):

@@ -252,7 +252,7 @@ def _of_one_part(overlap: np.ndarray) -> np.ndarray:
 def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(K,)` the part of the body that each kernel is on; 0 has the most kernels.
 
-    The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as of
+    The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as in
     `overlapping` or `Together`.
     """
     of_receptor = _receptor_parts(overlap)[target_sensations.argmax(axis=1)]

@@ -26,8 +26,7 @@ from selftouch_drake.quotient.layout import (
     one_thread,
     stress_embedding,
 )
-from selftouch_drake.quotient.lengths import BodyGraph
-from selftouch_drake.quotient.paths import locally_scaled
+from selftouch_drake.quotient.lengths import BodyGraph, locally_scaled
 from selftouch_drake.quotient.sensations import angles, unlike
 
 Progress = Callable[[float], None]
