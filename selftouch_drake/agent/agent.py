@@ -85,8 +85,12 @@ class Agent:
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
-        sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
-        found = learn(lambda: [(sensation, q)], **sizes, seed=seed).representation
+        found = learn(
+            lambda: [(sensation, q)],
+            num_targets=num_targets,
+            max_kernel_size=max_kernel_size,
+            seed=seed,
+        ).representation
         felt = kernel_sensations(found.kernel_row, [sensation])
         touch_model = TouchModel.learn(found, lambda: felt, seed=seed)
         return cls.of(found, kernel_sensation=felt, touch_model=touch_model)
@@ -109,8 +113,9 @@ class Agent:
         """
         from selftouch_drake.agent.body_model.asking import ask_for_model  # not needed to plan
 
-        known = self.representation, self.kernel_sensation
-        return ask_for_model(*known, joint_names=joint_names, seed=seed)
+        return ask_for_model(
+            self.representation, self.kernel_sensation, joint_names=joint_names, seed=seed
+        )
 
     def recalling(self, memory: RehearsalMemory) -> "Agent":
         """The same agent with another memory."""
@@ -155,8 +160,9 @@ class Agent:
         `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as in `predict`.
         """
         expected = self.predict(plan, timed["s"], dry_run)
-        found = {"predicted": expected.sensation, "predicted_spread": expected.spread}
-        return Motion(plan=plan, **timed, **found)
+        return Motion(
+            plan=plan, predicted=expected.sensation, predicted_spread=expected.spread, **timed
+        )
 
     @cached_property
     def planner(self) -> Planner:

@@ -9,13 +9,12 @@ from .holes import Topology
 
 
 def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.ndarray:
-    """`(F, skin + 1)` corners of the triangles, or steps, through `(K, d)` points of a skin.
+    """The surface, or the line, through points: `(F, skin + 1)` corners of triangles or segments.
 
-    If they enclose a void, it is closed, and corners are counterclockwise seen from outside; else
-    it is of the alpha complex and may have a rim.
-
-    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`. Errors are as
-    of `delaunay`.
+    The `(K, d)` points lie on a skin that is a line (`skin` 1) or a surface (2), and have the
+    topology `found`. If they enclose a void, the surface is closed, and corners are counterclockwise
+    seen from outside. Otherwise its triangles are of the alpha complex, and it may have a rim.
+    Errors are as in `delaunay`.
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)

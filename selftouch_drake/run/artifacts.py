@@ -344,35 +344,35 @@ def _part_from(
     from selftouch_drake.quotient.layout import Embedding
 
     prefix = _prefix(number)
-    of = {
+    found = {
         name.removeprefix(prefix): array
         for name, array in arrays.items()
         if name.startswith(prefix)
     }
-    kernels, holes = of["kernels"], None
-    if "betti" in of:
-        margin, scale, spacing = of["scales"].tolist()
-        components, loops, voids = of["betti"].tolist()
+    kernels, holes = found["kernels"], None
+    if "betti" in found:
+        margin, scale, spacing = found["scales"].tolist()
+        components, loops, voids = found["betti"].tolist()
         holes = Topology(
             betti=(components, loops, voids),
             margin=margin,
             scale=scale,
             spacing=spacing,
-            diagram=(of["diagram_0"], of["diagram_1"], of["diagram_2"]),
+            diagram=(found["diagram_0"], found["diagram_1"], found["diagram_2"]),
         )
-    space = int(of["embedding_dimension"])
+    space = int(found["embedding_dimension"])
     return RecoveredPart(
-        doubt=str(of["doubt"]) or None,
+        doubt=str(found["doubt"]) or None,
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
-        skin=int(of["skin_dimension"]),
+        skin=int(found["skin_dimension"]),
         space=space,
         embedding=Embedding(
             positions=representation.embedding[kernels, :space],
-            stress=float(of["stress"]),
-            spectrum=of["spectrum"],
+            stress=float(found["stress"]),
+            spectrum=found["spectrum"],
         ),
-        pieces=of["pieces"][:, :space],
+        pieces=found["pieces"][:, :space],
         topology=holes,
-        dimension=float(of["dimension"]) if "dimension" in of else None,
+        dimension=float(found["dimension"]) if "dimension" in found else None,
     )

@@ -85,9 +85,10 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         "babbling_num_steps": counts.num_steps,
         "babbling_touch_rate": counts.num_rows / counts.num_steps,
         "babbling_num_impossible": counts.num_impossible,
-        **({"babbling_robot_s": counts.robot_s} if counts.robot_s else {}),
-        "babbling_wall_s": wall_before + time.perf_counter() - began,
     }
+    if counts.robot_s:
+        found["babbling_robot_s"] = counts.robot_s
+    found["babbling_wall_s"] = wall_before + time.perf_counter() - began
     if bodies.world is not None:
         found |= touch_metrics(run, bodies.world)
     run.add_metrics(found)
@@ -261,12 +262,15 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
         ValueError: no plan exists, or `q_start` is not a configuration within the limits.
     """
     motion = _planned_in_body(run, *targets, q_start=q_start)
-    _keep_plan(run, motion, *([] if q_start is None else [free_start(q_start)]), *targets)
+    if q_start is None:
+        _keep_plan(run, motion, *targets)
+    else:
+        _keep_plan(run, motion, free_start(q_start), *targets)
     return motion
 
 
 def planned(run: RunDirectory, *targets: int) -> Motion:
-    """As `plan`, but keeps nothing; in an imported run without a body, as `plan_imported`."""
+    """The motion that `plan` would make, or `plan_imported` where no body is there; kept nowhere."""
     if run.experiment.imported is not None and not bodies_of.knows(
         run.experiment.after(0), run.fingerprint()
     ):

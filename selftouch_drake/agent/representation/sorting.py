@@ -79,7 +79,7 @@ def sorted_into_kernels(
     """
     quantise_seed, sample_seed = sizes.seeds(2)
     some = KernelReservoir(1, MAX_ROWS, seed=quantise_seed)
-    for taken, num_rows in passed(_fair_share, some, checked(batches()), each, check=True):
+    for taken, num_rows in passed(_drawn_rows, some, checked(batches()), each, check=True):
         some.keep(taken, num_rows)
         progress(0.0, "target sensations")
     require_rows(some.num_rows, sizes.num_targets)
@@ -129,8 +129,8 @@ def _targets_and_scale(
     return targets, scaling.result()
 
 
-def _fair_share(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
-    """Rows of a block that may be learned from, and the number of rows."""
+def _drawn_rows(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
+    """Rows of a block that the target sensations may be learned from, and its number of rows."""
     sensation, q = batch
     row = np.arange(len(q))
     return draw.take(np.zeros_like(row), row, sensation=sensation, q=q.astype(np.float32)), len(q)
