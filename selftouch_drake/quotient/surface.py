@@ -12,7 +12,7 @@ def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.nda
     """The surface, or the line, through points: `(F, skin + 1)` corners of triangles or segments.
 
     The `(K, d)` points lie on a skin that is a line (`skin` 1) or a surface (2), and have the
-    topology `found`. If they enclose a void, the surface is closed, and corners are counterclockwise
+    topology `found`. If they enclose a void, the surface is closed, with corners counterclockwise
     seen from outside. Otherwise its triangles are of the alpha complex, and it may have a rim.
     Errors are as in `delaunay`.
     """

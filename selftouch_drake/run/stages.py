@@ -270,7 +270,7 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
 
 
 def planned(run: RunDirectory, *targets: int) -> Motion:
-    """The motion that `plan` would make, or `plan_imported` where no body is there; kept nowhere."""
+    """The motion that `plan` makes, or `plan_imported` where there is no body; keeps nothing."""
     if run.experiment.imported is not None and not bodies_of.knows(
         run.experiment.after(0), run.fingerprint()
     ):
