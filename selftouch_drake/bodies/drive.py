@@ -168,8 +168,8 @@ def _require_motion(strength: np.ndarray, joint_names: Sequence[str]) -> None:
             f"no action moves a joint: {len(strength)} were tried; name others as `joints`, or say "
             "what an action sets"
         )
-    for name, moves in zip(joint_names, strength.any(axis=0), strict=True):
-        if not moves:
+    for name, strengths in zip(joint_names, strength.T, strict=True):
+        if not strengths.any():
             raise BodyError(f"no action moves {name}; leave it out of `joints`")
 
 

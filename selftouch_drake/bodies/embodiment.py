@@ -12,8 +12,8 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.readings.baseline import Baseline
 from selftouch_drake.bodies.drake import DrakeBodies
-from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.bodies.own import open_body
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
@@ -24,7 +24,7 @@ from selftouch_drake.threads import OncePerThread
 #: The bodies of one agent. They stand for one robot: `babbling` collects experience, in `practice`
 #: plans are practised slowly, `acting` executes them, and `still`, where there is one, scores
 #: motions without dynamics. Only Drake's have a `world`, which the experimenter knows.
-Bodies = DrakeBodies | LivingBody
+Bodies = DrakeBodies | UserBody
 
 
 def without_robot(experiment: Experiment) -> str | None:
@@ -80,7 +80,7 @@ def make_bodies(
         ValueError: as `build_world`.
     """
     if experiment.body_from in ("python", "gymnasium"):
-        return LivingBody(open_body(experiment), baseline)
+        return UserBody(open_body(experiment), baseline)
     return DrakeBodies(build_world(experiment, cache, fingerprint))
 
 

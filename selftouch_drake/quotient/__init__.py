@@ -34,6 +34,6 @@ from .body import Shape as Shape
 from .body import recover as recover
 from .learn import learn as learn
 from .plan import MotorPath as MotorPath
-from .plan import Ways as Ways
+from .plan import PlanningGraph as PlanningGraph
 from .plan import plan as plan
 from .representation import Representation as Representation

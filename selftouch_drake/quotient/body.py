@@ -28,8 +28,8 @@ class Shape:
 
     Attributes:
         distances: `(n, n)` geodesic distances along the body, in a unit of its own.
-        skin: dimension of the skin, 1 for a line and 2 for a surface.
-        space: dimension of the space that the body needs, 2, 3 or 4.
+        skin_dimension: 1 if the skin is a line, 2 if it is a surface.
+        space_dimension: of the space that the body needs, 2, 3 or 4.
         embedding: layout of the kernels in that space, in an arbitrary pose; in three dimensions if
             the body needs a fourth.
         topology: its holes; None if not requested, or if all kernels lie in a plane of three
@@ -38,8 +38,8 @@ class Shape:
     """
 
     distances: np.ndarray
-    skin: int
-    space: int
+    skin_dimension: int
+    space_dimension: int
     embedding: Embedding
     topology: Topology | None
     dimension: float | None
@@ -72,8 +72,8 @@ def recover(
     found, dimension = measured(layout.positions, distances, skin)
     return Shape(
         distances=distances,
-        skin=skin,
-        space=space,
+        skin_dimension=skin,
+        space_dimension=space,
         embedding=layout,
         topology=found,
         dimension=dimension,
@@ -91,7 +91,7 @@ def laid_out(
 ) -> tuple[Embedding, int]:
     """Lays out nodes in as many dimensions as they need, at most 3, and says how many that are.
 
-    The `(N, N)` distances are shortest paths over `(E, 2)` edges; the skin is as in `Shape`.
+    The `(N, N)` distances are shortest paths over `(E, 2)` edges; `skin` is the dimension of it.
     """
     layout = lay_out(edges, distances, skin + 1)
     space = space_dimension(edges, distances, layout, skin)
@@ -103,7 +103,10 @@ def laid_out(
 def measured(
     places: np.ndarray, distances: np.ndarray, skin: int
 ) -> tuple[Topology | None, float | None]:
-    """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as in `Shape`."""
+    """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as in `Shape`.
+
+    `skin` is the dimension of the skin.
+    """
     holes = None if flat(places) else topology(places)
     enough = len(distances) >= LEAST_KERNELS
     return holes, intrinsic_dimension(distances, skin) if enough else None

@@ -321,8 +321,8 @@ def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
             "doubt": part.doubt or "",
             "kernels": part.kernels,
             "pieces": np.pad(part.pieces, ((0, 0), (0, 3 - part.pieces.shape[1]))),
-            "skin_dimension": part.skin,
-            "embedding_dimension": part.space,
+            "skin_dimension": part.skin_dimension,
+            "embedding_dimension": part.space_dimension,
             "stress": part.embedding.stress,
             "spectrum": part.embedding.spectrum,
         }
@@ -365,8 +365,8 @@ def _part_from(
         doubt=str(found["doubt"]) or None,
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
-        skin=int(found["skin_dimension"]),
-        space=space,
+        skin_dimension=int(found["skin_dimension"]),
+        space_dimension=space,
         embedding=Embedding(
             positions=representation.embedding[kernels, :space],
             stress=float(found["stress"]),

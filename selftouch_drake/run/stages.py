@@ -23,7 +23,7 @@ from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
-from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
 from selftouch_drake.experience.store import WalkCounts
 from selftouch_drake.files import load_arrays, save_arrays
@@ -74,7 +74,7 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     bodies = run_bodies(run)
     if bodies.world is not None:
         _save_skin(run, bodies.world)
-    elif isinstance(bodies, LivingBody) and run.known_baseline() is None:
+    elif isinstance(bodies, UserBody) and run.known_baseline() is None:
         progress(0.0, "readings at rest")
         run.keep_baseline(bodies.find_baseline(run.experiment))
     keep_bodies(run, bodies)

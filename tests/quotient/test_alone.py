@@ -16,7 +16,7 @@ ALLOWED = {"numpy", "scipy", "sklearn", "networkx", "numba", "threadpoolctl"}
 SPHERE = """
 import sys
 import numpy as np
-from quotient import Ways, learn, plan, recover
+from quotient import PlanningGraph, learn, plan, recover
 
 assert not any(name.startswith("selftouch_drake") for name in sys.modules)
 with np.load("sphere.npz") as file:

@@ -95,7 +95,8 @@ class RecoveredBody:
 
         It is calibrated on surfaces. Of a line, distances show the length alone, and no error.
         """
-        if not SHAPE_METRICS[self.metric].calibrated or any(part.skin == 1 for part in self.parts):
+        has_line = any(part.skin_dimension == 1 for part in self.parts)
+        if has_line or not SHAPE_METRICS[self.metric].calibrated:
             return None
         return max(expected_error(part.embedding) for part in self.parts)
 
@@ -124,7 +125,7 @@ class RecoveredBody:
             if misfit > MISFIT:
                 remedy = (
                     "it needs a fourth dimension, and is laid out in three"
-                    if part.space == 4
+                    if part.space_dimension == 4
                     else "babble longer, or choose another metric"
                 )
                 warnings.warn(
@@ -222,8 +223,8 @@ def _recovered_part(
         doubt=doubt,
         kernels=kernels,
         distances=between,
-        skin=skin,
-        space=space,
+        skin_dimension=skin,
+        space_dimension=space,
         embedding=dataclasses.replace(layout, positions=positions),
         pieces=pieces,
         topology=found,
