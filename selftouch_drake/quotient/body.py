@@ -19,7 +19,7 @@ from .representation import Representation
 from .sensations import angles
 
 #: Lays out N nodes, from `(E, 2)` edges, `(N, N)` shortest paths over them, and a dimension.
-LayOut = Callable[[np.ndarray, np.ndarray, int], Embedding]
+LayoutMethod = Callable[[np.ndarray, np.ndarray, int], Embedding]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,14 +53,14 @@ class Shape:
 def recover(
     representation: Representation,
     measure: Callable[[Representation], BodyGraph] = sensorimotor,
-    lay_out: LayOut = curvature_corrected_mds,
+    layout_method: LayoutMethod = curvature_corrected_mds,
 ) -> Shape:
     """Recovers the body from a representation of 5 kernels or more.
 
     Args:
         representation: what was learned.
         measure: measures along the body: one of `lengths`, in whose graph nodes are kernels.
-        lay_out: finds places that fit the distances.
+        layout_method: finds places that fit the distances.
 
     Raises:
         ValueError: the representation is too small.
@@ -68,8 +68,8 @@ def recover(
     skin = skin_of(representation)
     graph = measure(representation)
     distances = graph.geodesics(graph.length)
-    layout, space = laid_out(graph.edges, distances, skin, lay_out)
-    found, dimension = measured(layout.positions, distances, skin)
+    layout, space = layout_and_space(graph.edges, distances, skin, layout_method)
+    found, dimension = holes_and_dimension(layout.positions, distances, skin)
     return Shape(
         distances=distances,
         skin_dimension=skin,
@@ -86,21 +86,21 @@ def skin_of(representation: Representation) -> int:
     return skin_dimension(geodesics(representation.edges, by_feel, representation.num_targets))
 
 
-def laid_out(
-    edges: np.ndarray, distances: np.ndarray, skin: int, lay_out: LayOut
+def layout_and_space(
+    edges: np.ndarray, distances: np.ndarray, skin: int, layout_method: LayoutMethod
 ) -> tuple[Embedding, int]:
     """Lays out nodes in as many dimensions as they need, at most 3, and says how many that are.
 
     The `(N, N)` distances are shortest paths over `(E, 2)` edges; `skin` is the dimension of it.
     """
-    layout = lay_out(edges, distances, skin + 1)
+    layout = layout_method(edges, distances, skin + 1)
     space = space_dimension(edges, distances, layout, skin)
     if skin + 1 != min(space, 3):
-        layout = lay_out(edges, distances, space)
+        layout = layout_method(edges, distances, space)
     return layout, space
 
 
-def measured(
+def holes_and_dimension(
     places: np.ndarray, distances: np.ndarray, skin: int
 ) -> tuple[Topology | None, float | None]:
     """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as in `Shape`.

@@ -18,9 +18,9 @@ def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.nda
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)
-    # At the scale of a loop's birth some simplices are still missing; two spacings cover the part,
-    # as when components are counted.
-    scale = max(found.scale, 2.0 * found.spacing)
+    # At the scale of a loop's birth some simplices are still missing; two meeting radii cover the
+    # part, as when components are counted.
+    scale = max(found.scale, 2.0 * found.meeting_radius)
     simplices = [
         simplex
         for simplex, radius2 in alpha_filtration(points).items()

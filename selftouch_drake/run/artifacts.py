@@ -330,7 +330,7 @@ def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
             found["dimension"] = part.dimension
         if (holes := part.topology) is not None:
             found["betti"] = holes.betti
-            found["scales"] = [holes.margin, holes.scale, holes.spacing]
+            found["scales"] = [holes.margin, holes.scale, holes.meeting_radius]
             found |= {f"diagram_{d}": bars for d, bars in enumerate(holes.diagram)}
         arrays |= {f"{_prefix(number)}{name}": np.array(value) for name, value in found.items()}
     return arrays
@@ -351,13 +351,13 @@ def _part_from(
     }
     kernels, holes = found["kernels"], None
     if "betti" in found:
-        margin, scale, spacing = found["scales"].tolist()
+        margin, scale, meeting_radius = found["scales"].tolist()
         components, loops, voids = found["betti"].tolist()
         holes = Topology(
             betti=(components, loops, voids),
             margin=margin,
             scale=scale,
-            spacing=spacing,
+            meeting_radius=meeting_radius,
             diagram=(found["diagram_0"], found["diagram_1"], found["diagram_2"]),
         )
     space = int(found["embedding_dimension"])

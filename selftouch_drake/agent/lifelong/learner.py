@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.learning import Found, joined, represented
+from selftouch_drake.agent.representation.learning import Findings, joined, represented
 from selftouch_drake.agent.representation.quotient import (
     LEAST_OF_PART,
     NO_MODE,
@@ -247,7 +247,7 @@ class OnlineLearner:
             self._distance = np.where(changed[:, None] | changed, again, self._distance)
         self._changed[:num][changed] = 0
         graph = joined(sets, sample, self._distance, self._targets, self._part)
-        found = Found(
+        found = Findings(
             targets=self._targets,
             joint_scale=self._joint_scale,
             kernel_mode=mode,

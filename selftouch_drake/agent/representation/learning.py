@@ -35,7 +35,7 @@ class Learned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
+class Findings:
     """What the agent finds in its experience beside the paper's representation.
 
     Attributes:
@@ -99,7 +99,7 @@ def learn(
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
     )
     graph = joined(sets, kernels.sample, distance, kernels.targets, part)
-    found = Found(
+    found = Findings(
         targets=senses.as_kept(kernels.targets, kernels.total),
         joint_scale=kernels.joint_scale,
         kernel_mode=mode,
@@ -135,7 +135,7 @@ def represented(
     sample: KernelSample,
     distance: np.ndarray,
     graph: QuotientGraph,
-    found: Found,
+    found: Findings,
 ) -> Learned:
     """What was learned, from its pieces; arguments are as in `joined`."""
     representation = QuotientRepresentation(

@@ -26,7 +26,7 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sorted:
+class SortedExperience:
     """The experience, sorted into motor kernel sets.
 
     Attributes:
@@ -61,7 +61,7 @@ def sorted_into_kernels(
     *,
     progress: Progress = lambda fraction, stage: None,
     each: Map = map,
-) -> Sorted:
+) -> SortedExperience:
     """Sorts experience of any size into motor kernel sets, in bounded memory.
 
     Experience is read twice: for the target sensations, and for the kernel of each touch. The sizes
@@ -99,7 +99,7 @@ def sorted_into_kernels(
             f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
             "experience each time"
         )
-    return Sorted(
+    return SortedExperience(
         targets=targets,
         joint_scale=scale,
         sample=kernels.sample(),

@@ -255,10 +255,18 @@ def between_cells(coordinates: KernelSets, skin: int) -> BodyGraph:
     return BodyGraph(edges=edges, length=length, kernel=kernel)
 
 
+def _classical(edges: np.ndarray, distances: np.ndarray, dimension: int) -> Embedding:
+    return classical_embedding(distances, dimension)
+
+
+def _by_stress(edges: np.ndarray, distances: np.ndarray, dimension: int) -> Embedding:
+    return stress_embedding(distances, dimension)
+
+
 #: The metrics by name.
 SHAPE_METRICS: dict[str, ShapeMetric] = {
-    "literal": ShapeMetric(literal, lambda edges, *given: classical_embedding(*given), False),
-    "motor": ShapeMetric(motor, lambda edges, *given: stress_embedding(*given), False),
+    "literal": ShapeMetric(literal, _classical, calibrated=False),
+    "motor": ShapeMetric(motor, _by_stress, calibrated=False),
     "learned": ShapeMetric(learned, curvature_corrected_mds),
     "sensorimotor": ShapeMetric(sensorimotor, curvature_corrected_mds),
 }
