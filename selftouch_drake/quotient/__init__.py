@@ -6,12 +6,14 @@ agent self-interaction.
 A naive agent sends motor configurations M and receives sensations S = Psi(M) = phi(f(M)). It knows
 neither the forward kinematics f, nor the sensory function phi, nor the pose X = f(M) in between.
 From the relation M1 =_Psi M2, "both feel alike", it builds M/=_Psi, and by the paper's theorem that
-space stands for X/=_phi, what it touches. Read in this order:
+space stands for X/=_phi, what it touches. Read in this order, in which each file needs only those
+before it:
 
 1. `sensations`, `kernels`: target sensations, and motor kernel sets, the points of M/=_Psi.
-2. `distances`, `scale`, `graph`, `paths`: distances between these points, and a graph over them.
-3. `learn`: all of that from the `experience`. It makes a `representation`.
-4. `lengths`, `layout`, `holes`, `alpha`, `surface`, `dimension`, `body`: what the graph says about
+2. `distances`, `scale`, `paths`, `representation`, `graph`: distances between these points, and a
+   graph over them; what the agent keeps of both.
+3. `experience`, `learn`: all of that from arrays.
+4. `lengths`, `layout`, `alpha`, `holes`, `surface`, `dimension`, `body`: what the graph says about
    the body.
 5. `links`, `firm`, `route`, `waypoints`, `smooth`, `plan`: motions from any sensation to any other.
 
