@@ -154,14 +154,29 @@ class Agent:
             self.representation, plan, s, self.kernel_sensation, self.touch_model
         )
 
-    def motion(self, plan: Plan, *, dry_run: "DryRun | None" = None, **timed: np.ndarray) -> Motion:
+    def motion(
+        self,
+        plan: Plan,
+        *,
+        time_s: np.ndarray,
+        s: np.ndarray,
+        q: np.ndarray,
+        v: np.ndarray,
+        dry_run: "DryRun | None" = None,
+    ) -> Motion:
         """A plan with times and with the sensations that the agent expects.
 
-        `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as in `predict`.
+        The arrays are as in `Motion`, the dry run is as in `predict`.
         """
-        expected = self.predict(plan, timed["s"], dry_run)
+        expected = self.predict(plan, s, dry_run)
         return Motion(
-            plan=plan, predicted=expected.sensation, predicted_spread=expected.spread, **timed
+            plan=plan,
+            time_s=time_s,
+            s=s,
+            q=q,
+            v=v,
+            predicted=expected.sensation,
+            predicted_spread=expected.spread,
         )
 
     @cached_property

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from selftouch_drake.agent.representation.pools import pooled
 from selftouch_drake.agent.representation.touches import (
     Together,
     expected_readings,
     kernel_parts,
-    pooled,
     receptors_together,
 )
 from selftouch_drake.quotient.sensations import assign, target_sensations, unit
