@@ -104,8 +104,13 @@ SMALL: dict[str, list[str]] = {
     "accuracy/body_model": ["sphere", "--seeds=1", "--touches=3000", "--runs={tmp}"],
     "accuracy/body_model_judged": ["--kinds", "right", "--seeds=0", "--touches=3000", "--jobs=1"],
     "accuracy/few_touches": [
-        "sphere", "--seeds=1", "--touches", "100", "--stored=400", "--runs={tmp}"
-    ],  # fmt: skip
+        "sphere",
+        "--seeds=1",
+        "--touches",
+        "100",
+        "--stored=400",
+        "--runs={tmp}",
+    ],
     "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
     "cost/diagrams": ["--count", "1"],
     "accuracy/calibration": ["--seeds=1", "--out={tmp}/table.md"],
