@@ -30,8 +30,10 @@ from selftouch_drake.agent.body_model.structure import Search
 
 #: With fewer touches no body is looked for; with more kernels are as good, and cheaper.
 FEWEST, MOST = 40, 2000
-# Touches that a search looks at.
-_SEARCHED = 256
+# Touches that a search and a finish look at.
+_SEARCHED, _FINISHED = 256, 1000
+# Chains that began apart and whose criteria differ by less agree.
+_SAME = 0.05
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
 # steps at most.
 _FOLDS, _REFITTED = 5, 30
@@ -79,6 +81,9 @@ def found_by_sensation(
 ) -> FewFound | None:
     """The first chain that touches left out accept, else the smoothest.
 
+    The search ends, too, when two chains that began apart agree: nothing better was missed by
+    chance.
+
     Args:
         search: what to work on.
         q: `(n, J)` standardised readings.
@@ -88,24 +93,28 @@ def found_by_sensation(
         slides_below: it slides if it turns by less than this, and
         slide_cost: if not to turn costs less than this.
     """
-    sensed = Sensed.of(sensation)
+    all_sensed = Sensed.of(sensation)
+    used = np.sort(search.random.permutation(len(q))[:_FINISHED])
+    sensed, q = all_sensed.some(used), q[used]
     precision = sensed.precision()
-    some = np.sort(search.random.permutation(len(q))[:_SEARCHED])
-    group = Smooth(some, precision if len(some) == len(q) else sensed.some(some).precision())
+    some = np.sort(search.random.permutation(len(used))[:_SEARCHED])
+    group = Smooth(used[some], sensed.some(some).precision())
     labels = neighbourhoods(sensed, search.random)
-    best: tuple[float, list[int], SmoothChain, Judgement] | None = None
+    best: tuple[list[int], SmoothChain, Judgement] | None = None
+    criteria: list[float] = []
     for body in structure.found_chains(search, group, joints):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
         chain = finished(q[:, order], precision, rough)
         verdict = left_out_in_turn(q[:, order], sensed, labels, chain)
-        if best is None or (verdict.accepted, -chain.criterion) > (best[3].accepted, -best[0]):
-            best = chain.criterion, order, chain, verdict
-        if verdict.accepted:
+        if best is None or verdict.accepted or chain.criterion < best[1].criterion:
+            best = order, chain, verdict
+        criteria = sorted([*criteria, chain.criterion])
+        if verdict.accepted or (len(criteria) > 1 and criteria[1] - criteria[0] < _SAME):
             break
     if best is None:
         return None
-    _, order, chain, verdict = best
+    order, chain, verdict = best
     chain, kinds = _kinds(
         q[:, order], precision, chain, open_below=open_below, slides_below=slides_below,
         slide_cost=slide_cost,
@@ -117,8 +126,9 @@ def found_by_sensation(
     place = places(q[:, order], chain.twists, chain.point)
     return FewFound(
         order=order, twists=twists, point=chain.point, kind=kind,
-        swaps=_swap_costs(q, precision, order, chain), place=sensed.predicted(place, sensed),
-        judgement=verdict, spread=_spread(q, precision, order, chain, kinds),
+        swaps=_swap_costs(q, precision, order, chain),
+        place=sensed.predicted(place, all_sensed), judgement=verdict,
+        spread=_spread(q, precision, order, chain, kinds),
     )  # fmt: skip
 
 
@@ -174,16 +184,19 @@ def left_out_in_turn(
         )
     near = float((distance[proves] < 1).sum() / max(proves.sum(), 1))
     inliers = float(inlier.mean())
+    # A share of few touches may be high by chance.
+    surely = near - np.sqrt(near * (1 - near) / max(proves.sum(), 1))
     return Judgement(
-        accepted=near * min(1.0, 2 * inliers) > ACCEPTED,
+        accepted=bool(surely * min(1.0, 2 * inliers) > ACCEPTED),
         near=near,
         inliers=inliers,
         criterion=chain.criterion,
         tested=len(q),
         reason=(
             f"{near:.1%} of {proves.sum()} touches, left out in turn, lie nearer to where their "
-            f"sensations say than neighbouring sensations lie to each other ({ACCEPTED:.0%} "
-            f"needed), {1 - inliers:.1%} of {len(q)} are outliers (fewer than half needed)"
+            f"sensations say than neighbouring sensations lie to each other, {surely:.1%} less a "
+            f"standard error ({ACCEPTED:.0%} needed), {1 - inliers:.1%} of {len(q)} are outliers "
+            "(fewer than half needed)"
         ),
     )
 
