@@ -16,11 +16,11 @@ from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejecte
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
-    all_places,
-    expected,
     refined,
+    solution_places,
     started,
 )
+from selftouch_drake.agent.body_model.sizes import carried_over, with_sizes
 from selftouch_drake.agent.body_model.structure import Search, found_chains, swap_costs
 from selftouch_drake.agent.body_model.touchers import with_more
 from selftouch_drake.agent.body_model.tree import Tree
@@ -270,11 +270,11 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
     """
     rows, test_rows = scene.rows(part), tests.rows(part)
     touchers = scene.touchers(part)
-    Y = all_places(scene, solution.twists, solution.points)
+    Y = solution_places(scene, solution)
     own = Y[solution.share[rows].argmax(axis=1), rows]
     own[solution.share[rows].sum(axis=1) < 0.5] = np.nan
     joints = {joint for u in touchers for joint, _ in scene.ways[part, u]}
-    there = all_places(tests, solution.twists, solution.points)[touchers][:, test_rows]
+    there = solution_places(tests, solution)[touchers][:, test_rows]
     return judged(
         own, scene.target[rows], there.swapaxes(0, 1), tests.target[test_rows],
         parameters=6 * len(joints) + 3 * len(touchers), number=len(scene.part),
@@ -290,9 +290,12 @@ def _finished(
     tree = Tree.chain(chain.order, chain.part, len(solution.points))
     whole = touches.scene(chain.scene.ways)
     test = whole.some(np.flatnonzero(tested))
+    solution = with_sizes(
+        chain.scene, test, solution, search.random, fixed=_straight(kind), tick=search.tick
+    )
     verdict = judge_part(chain.scene, test, solution, chain.part)
     groups = order_groups(chain.order, chain.swaps, number)
-    final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    final = carried_over(whole, solution)
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups, judgements={chain.part: verdict},
@@ -339,6 +342,13 @@ def _kinds(
     return solution, kind
 
 
+def _straight(kind: np.ndarray) -> np.ndarray:
+    """`(6 J,)` bool, the turning of joints that slide: it stays 0."""
+    fixed = np.zeros((len(kind), 6), dtype=bool)
+    fixed[kind == JointKind.SLIDES, :3] = True
+    return fixed.ravel()
+
+
 def _finished_tree(
     search: Search, touches: Touches, body: Body, tested: np.ndarray, seed: int
 ) -> Found:
@@ -353,8 +363,11 @@ def _finished_tree(
     scene, tests = whole.some(np.sort(train)), whole.some(np.flatnonzero(tested))
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
     solution, kind = _kinds(search, touches, scene, solution)
+    solution = with_sizes(
+        scene, tests, solution, search.random, fixed=_straight(kind), tick=search.tick
+    )
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
-    final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    final = carried_over(whole, solution)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
