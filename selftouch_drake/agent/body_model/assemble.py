@@ -15,7 +15,7 @@ from selftouch_drake.agent.body_model.refine import (
     solution_places,
 )
 from selftouch_drake.agent.body_model.sizes import outward_normals
-from selftouch_drake.agent.body_model.support import shape_moved
+from selftouch_drake.agent.body_model.support import nearest_toucher, shape_moved
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
 
 # A receptor lies where touches press it at least half as hard as the receptor that they press most.
@@ -113,9 +113,10 @@ def assembled(
         place[here] = transformed(carried[link], solution.place[here])
         normal[here] = directions(carried[link], outward[here])
     toucher = np.full(num_rows, -1, dtype=np.int8)
-    toucher[found.rows] = np.where(
-        solution.share.sum(axis=1) > 0.5, solution.share.argmax(axis=1), -1
+    nearest = nearest_toucher(
+        solution_places(scene, solution), solution.place, scene.part, scene.target
     )
+    toucher[found.rows] = np.where(solution.share.sum(axis=1) > 0.5, nearest, -1)
     skin = _receptors(found, carried, normal, place, sensation)
     parts = range(num_parts)
     judged = [found.judgements.get(part) for part in parts]

@@ -1,6 +1,7 @@
 """Grows one tree for all parts: a sharp chain first, then skins, hands and joints that fit it."""
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,9 @@ _ALL_TRIED = 16
 _PROBED = 6
 # New joints that are tried in all orders, at most.
 _MOST_NEW = 3
+# Times that twists of new joints are drawn for all links that may carry a part: on the infant's head
+# five draws of six hold the right one.
+_TRIES = 3
 
 
 def grown(search: Search, scene: Scene, tested: np.ndarray, moving: list[int]) -> Body | None:
@@ -202,32 +206,36 @@ class _Grower:
                     return bigger
         return None
 
-    def _attachments(self, body: Body, part: int) -> list[Body]:
-        """Bodies with the part and its new joints, the best three of each kind."""
+    def _attachments(self, body: Body, part: int) -> Iterator[Body]:
+        """Bodies with the part and its new joints, the best three of each trial.
+
+        Whoever asks stops when one is good.
+        """
         known = set(body.links.ends)
         new = [joint for joint in self.held[part] if joint not in known]
-        found: list[Body] = []
         if part not in self.chains and 0 < len(new) <= _MOST_NEW:
             # Between the tree and the skin. All touches of one hand, if densities tell them.
             toucher, group = self._most_of_one_hand(body, part)
-            tried = attached(
-                self.search, self.scene, group, _only(body, toucher), part,
-                inner=new, outer=[], shared=None,
-            )[:3]  # fmt: skip
-            whole = [replace(one, links=_all_touchers(one.links, body.links)) for one in tried]
-            found += [self._with_all_hands(one, part) for one in whole]
+            for _ in range(_TRIES):
+                tried = attached(
+                    self.search, self.scene, group, _only(body, toucher), part,
+                    inner=new, outer=[], shared=None,
+                )[:3]  # fmt: skip
+                for one in tried:
+                    whole = replace(one, links=_all_touchers(one.links, body.links))
+                    yield self._with_all_hands(whole, part)
         chain = self.chain(part, 1)
         if chain is None:
-            return found
+            return
         order = order_of(chain.ways[0][0])
         shared = [joint for joint in order if joint in known]
         new = [joint for joint in order if joint not in known]
         if not shared or len(new) > _MOST_NEW:
-            return found
+            return
         middle = np.mean([order.index(joint) for joint in shared])
         inner = [joint for joint in new if order.index(joint) < middle]
         outer = [joint for joint in new if order.index(joint) > middle]
-        return found + attached(
+        yield from attached(
             self.search, self.scene, self.groups[part], body, part,
             inner=inner, outer=outer, shared=shared,
         )[:3]  # fmt: skip

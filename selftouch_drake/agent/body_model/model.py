@@ -16,6 +16,7 @@ from selftouch_drake.agent.body_model.support import (
     beside,
     blended_normals,
     bulge,
+    nearest_toucher,
 )
 from selftouch_drake.agent.body_model.twists import chained, exponential, transformed, transposed
 from selftouch_drake.agent.records import Record
@@ -256,7 +257,8 @@ class BodyModel(Record):
     def place(self, q: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Where the toucher's centre is, as seen from a part of the skin.
 
-        Of several touchers it is the one nearest to the place of the target's kernel. The shape of
+        Of several touchers it is the one nearest to the place of the target's kernel, measured by
+        how far that kernel reaches along the skin and across it. The shape of
         the toucher is accounted for where the skin's normal is known: then it is the centre of a
         ball that touches the skin at the same point.
 
@@ -322,7 +324,8 @@ class BodyModel(Record):
             centre: `(n, 3)` places of its centre.
             target: `(n,)` target sensations of one part.
         """
-        near, at = beside(self.kernel_place, self.kernel_part), centre
+        near = beside(self.kernel_place, self.kernel_part, np.unique(target))
+        at = centre
         # Where it touches depends on its shape, and the other way round.
         for _ in range(2):
             normal = blended_normals(self.kernel_place, self.kernel_normal, near, target, at)
@@ -347,10 +350,9 @@ class BodyModel(Record):
             return np.full((len(target), 3), np.nan)
         if len(places) == 1:
             return places[0]
-        apart = np.linalg.norm(places - self.kernel_place[target], axis=2)
-        nearest = np.where(np.isnan(apart), np.inf, apart).argmin(axis=0)
+        nearest = nearest_toucher(places, self.kernel_place, self.kernel_part, target)
         found = places[nearest, np.arange(len(target))]
-        found[np.isnan(apart).all(axis=0)] = np.nan
+        found[np.isnan(self.kernel_place[target]).any(axis=1)] = np.nan
         return found
 
     def _parents_first(self) -> list[int]:
