@@ -324,11 +324,12 @@ class BodyModel(Record):
             centre: `(n, 3)` places of its centre.
             target: `(n,)` target sensations of one part.
         """
-        near = beside(self.kernel_place, self.kernel_part, np.unique(target))
-        at = centre
+        part = self.kernel_part == self.kernel_part[target[0]]
+        place = np.where(part[:, None], self.kernel_place, np.nan)
+        near, at = beside(place, self.kernel_part), centre
         # Where it touches depends on its shape, and the other way round.
         for _ in range(2):
-            normal = blended_normals(self.kernel_place, self.kernel_normal, near, target, at)
+            normal = blended_normals(place, self.kernel_normal, near, at)
             away = -np.einsum("nij,nj->ni", transposed(X)[:, :3, :3], normal)
             in_hand = bulge(self.toucher_shape[toucher], away)
             at = centre + np.einsum("nij,nj->ni", X[:, :3, :3], in_hand)

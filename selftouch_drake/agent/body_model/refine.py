@@ -159,7 +159,7 @@ def all_places(
         found[toucher, rows] = way_places(scene, twists, points[toucher], rows, way)
         if sizes is not None and sizes.sized[toucher]:
             turn = turns(*_way_arrays(scene, twists, rows, way))
-            slopes = _bulges(sizes, toucher, scene.target[rows], found[toucher, rows], turn)
+            slopes = _bulges(scene, sizes, (part, toucher), found[toucher, rows], turn)
             found[toucher, rows] += slopes @ sizes.shape[toucher]
     return found
 
@@ -170,21 +170,23 @@ def solution_places(scene: Scene, solution: Solution) -> np.ndarray:
 
 
 def _bulges(
-    sizes: Sizes, toucher: int, target: np.ndarray, center: np.ndarray, turn: np.ndarray
+    scene: Scene, sizes: Sizes, pair: tuple[int, int], center: np.ndarray, turn: np.ndarray
 ) -> np.ndarray:
     """`(n, 3, 5)` derivatives of places by a toucher's shape, where it meets the skin.
 
     Args:
+        scene: whose kernels these are.
         sizes: of the touchers.
-        toucher: which.
-        target: `(n,)` target sensations.
+        pair: part and toucher.
         center: `(n, 3)` places of the toucher's centre.
         turn: `(n, 3, 3)` rotation of its link.
     """
+    part, toucher = pair
+    place = np.where((scene.part == part)[:, None], sizes.place, np.nan)
     at, slopes = center, np.zeros((len(center), 3, 5))
     # Where it touches depends on its shape, and the other way round.
     for _ in range(2):
-        normal = blended_normals(sizes.place, sizes.normal, sizes.near, target, at)
+        normal = blended_normals(place, sizes.normal, sizes.near, at)
         slopes = turn @ bulge_slopes(-np.einsum("nba,nb->na", turn, normal))
         at = center + slopes @ sizes.shape[toucher]
     return slopes
@@ -506,9 +508,7 @@ def _slopes(scene, solution, rows, part, toucher):
         return y, slope, np.array(columns)
     # The normal that tells where the toucher touches is held still.
     turn = turns(*arrays)
-    by_shape = _bulges(
-        sizes, toucher, scene.target[rows], places(q, twists, point, signs), turn
-    )
+    by_shape = _bulges(scene, sizes, (part, toucher), places(q, twists, point, signs), turn)
     in_hand = np.einsum("nba,nb->na", turn, by_shape @ sizes.shape[toucher])
     y, by_twist, by_point, _ = derivatives(q, twists, point + in_hand, signs)
     slope = np.concatenate(

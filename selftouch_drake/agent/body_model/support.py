@@ -138,28 +138,38 @@ def smoothed(normal: np.ndarray, near: np.ndarray, rounds: int = 2) -> np.ndarra
 
 
 def blended_normals(
-    place: np.ndarray, normal: np.ndarray, near: np.ndarray, target: np.ndarray, at: np.ndarray
+    place: np.ndarray, normal: np.ndarray, near: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
-    """`(n, 3)` normals of the skin at some places, blended from those of the kernels about.
+    """`(n, 3)` normals of one part's skin at some places, blended from those of the kernels about.
+
+    The places alone say which kernels these are, and not what was felt: a place that depended on
+    what was felt could be fitted to anything.
 
     Args:
-        place: `(K, 3)` places of kernels; NaN where unknown.
+        place: `(K, 3)` places of kernels; NaN for unknown ones and for those of other parts.
         normal: `(K, 3)` outward normals; NaN where unknown.
         near: `(K, N)` as of `beside`.
-        target: `(n,)` the kernel at which each place lies.
         at: `(n, 3)` places.
 
     Returns:
-        Unit vectors; NaN where no kernel about has a normal.
+        Unit vectors; NaN where the place is NaN or no kernel about has a normal.
     """
-    known = np.isfinite(normal).all(axis=1)
-    about = near[target]
-    apart = ((at[:, None] - place[about]) ** 2).sum(axis=2)
-    reach = ((place[near[:, min(_REACH, near.shape[1] - 1)]] - place) ** 2).sum(axis=1)
+    known = np.isfinite(normal).all(axis=1) & np.isfinite(place).all(axis=1)
+    here = np.isfinite(at).all(axis=1)
+    found = np.full(at.shape, np.nan)
+    kernels = np.flatnonzero(known)
+    if len(kernels) == 0 or not here.any():
+        return found
+    own = kernels[cKDTree(place[kernels]).query(at[here])[1]]
+    about = near[own]
+    apart = ((at[here][:, None] - place[about]) ** 2).sum(axis=2)
+    reach = ((place[about[:, min(_REACH, near.shape[1] - 1)]] - place[own]) ** 2).sum(axis=1)
+    lowest = np.nanmin(np.where(about >= 0, apart, np.inf), axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        weight = np.exp(-0.5 * (apart - apart.min(axis=1, keepdims=True)) / reach[target, None])
+        weight = np.exp(-0.5 * (apart - lowest) / reach[:, None])
     weight = np.where((about >= 0) & known[about] & np.isfinite(weight), weight, 0.0)
-    found = np.einsum("nk,nka->na", weight, np.nan_to_num(normal)[about])
-    size = np.linalg.norm(found, axis=1, keepdims=True)
+    mean = np.einsum("nk,nka->na", weight, np.nan_to_num(normal)[about])
+    size = np.linalg.norm(mean, axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
-        return np.where(size > 1e-9, found / size, normal[target])
+        found[here] = np.where(size > 1e-9, mean / size, normal[own])
+    return found

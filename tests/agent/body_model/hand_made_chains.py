@@ -54,17 +54,11 @@ def misfit(found, true):
 
 
 def rolling(twists, point, shape, *, number=3000, kernels=150, seed=0):
-    """As `touches`, of a toucher with a shape; places are those of a ball that touches there.
-
-    Only postures whose last link lies outside the sphere count: the normal has one side.
-    """
+    """As `touches`, of a toucher with a shape; places are those of a ball that touches there."""
     random = np.random.default_rng(seed)
     cloud = places(random.uniform(-1.5, 1.5, (2000, len(twists))), twists, point)
     center = np.median(cloud, axis=0)
     radius = np.median(np.linalg.norm(cloud - center, axis=1))
-    axis, offset = twists[-1, :3], twists[-1, 3:]
-    foot = np.cross(axis, offset) / (axis @ axis)
-    foot = foot + axis * ((point - foot) @ axis) / (axis @ axis)
     q, y = [], []
     while sum(map(len, q)) < number:
         tried = random.uniform(-1.5, 1.5, (200_000, len(twists)))
@@ -78,7 +72,6 @@ def rolling(twists, point, shape, *, number=3000, kernels=150, seed=0):
             in_hand = bulge(shape, -np.einsum("nba,nb->na", turn, normal))
             at = there + np.einsum("nab,nb->na", turn, in_hand)
         on = np.abs(np.linalg.norm(at - center, axis=1) / radius - 1) < 0.01
-        on &= np.einsum("na,na->n", places(tried, twists, foot) - there, normal) > 0
         q.append(tried[on])
         y.append(at[on])
     q, y = np.concatenate(q)[:number], np.concatenate(y)[:number]

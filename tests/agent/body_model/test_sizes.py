@@ -26,7 +26,6 @@ from selftouch_drake.agent.body_model.sizes import (
     with_sizes,
 )
 from selftouch_drake.agent.body_model.support import (
-    SHAPE_BASIS,
     beside,
     blended_normals,
     bulge,
@@ -34,17 +33,17 @@ from selftouch_drake.agent.body_model.support import (
     shape_moved,
 )
 
-WAY = tuple((joint, 1) for joint in range(4))
-SHAPE = np.array([0.12, -0.1, 0.05, 0.08, -0.06])
+WAY = tuple((joint, 1) for joint in range(6))
+SHAPE = np.array([0.24, -0.18, 0.09, 0.15, -0.12])
 
 
-def a_scene(shape=SHAPE, number=3000):
-    twists, point = an_arm()
+def a_scene(shape=SHAPE, number=3000, joints=6):
+    twists, point = an_arm(joints=joints)
     if shape is None:
         q, target, y = touches(twists, point, number=number)
     else:
         q, target, y = rolling(twists, point, shape, number=number)
-    scene = Scene(q, target, np.zeros(target.max() + 1, dtype=int), {(0, 0): WAY})
+    scene = Scene(q, target, np.zeros(target.max() + 1, dtype=int), {(0, 0): WAY[:joints]})
     return scene, twists, point[None], y
 
 
@@ -81,25 +80,42 @@ def test_normals_are_blended_between_kernels_of_a_part():
     near = beside(place, part)
     assert (part[near[:40]] == 0).all()
     assert (near[:, 0] == np.arange(80)).all()
-    half = np.array([[np.cos(0.5), np.sin(0.5), 0.0]])
-    for target, sign in ((0, 1), (5, 1), (43, -1)):
-        found = blended_normals(place, normal, near, np.array([target]), half)
-        tolerance = 0.02 if target == 43 else 0.45
-        assert found[0] == pytest.approx(sign * half[0], abs=tolerance)
+    half = np.array([[1.1 * np.cos(0.55), 1.1 * np.sin(0.55), 0.0]])
+    for number, sign in ((0, 1), (1, -1)):
+        own = np.where((part == number)[:, None], place, np.nan)
+        found = blended_normals(own, normal, near, half)
+        assert found[0] == pytest.approx(sign * half[0] / 1.1, abs=0.05)
     lonely = beside(place[:1], part[:1])
-    alone = blended_normals(place[:1], normal[:1], lonely, np.array([0]), half)
+    alone = blended_normals(place[:1], normal[:1], lonely, np.array([*half, [np.nan] * 3]))
     assert alone[0] == pytest.approx(normal[0])
+    assert np.isnan(alone[1]).all()
 
 
-def test_normals_look_to_where_the_toucher_comes_from():
+def test_normals_look_to_where_the_skin_bulges():
     scene, twists, points, y = a_scene(None)
     solution = started(scene, twists, points)
     centre = np.linalg.lstsq(np.c_[2 * y, np.ones(len(y))], (y**2).sum(axis=1), rcond=None)[0][:3]
     outward = solution.place - centre
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    along = np.einsum("ka,ka->k", outward_normals(scene, solution), outward)
-    # The touches of this arm come from both sides: most agree on one.
-    assert np.abs(np.sign(along).mean()) > 0.5
+    turned = np.where(np.arange(len(outward)) % 2 > 0, 1, -1)[:, None] * solution.normal
+    found = outward_normals(scene, replace(solution, normal=turned))
+    assert np.einsum("ka,ka->k", found, outward).min() > 0.8
+
+
+def test_normals_of_a_flat_skin_look_to_the_link_of_the_toucher():
+    # A finger of length 2 turns about the z axis, over a board that slides below it.
+    slide = [[0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0]]
+    twists = np.array([*slide, [1, 0, 0, 0, 2, 0], [0, 1, 0, -2, 0, 0]], dtype=float)
+    random = np.random.default_rng(0)
+    q = np.c_[random.uniform(-3, 3, (2000, 2)), random.uniform(-0.2, 0.2, (2000, 2))]
+    point = np.zeros((1, 3))
+    y = places(q, twists, point[0])
+    target = np.floor(y[:, 0] + 4).astype(int) * 8 + np.floor(y[:, 1] + 4).astype(int)
+    scene = Scene(q, target, np.zeros(64, dtype=int), {(0, 0): WAY[:4]})
+    found = outward_normals(scene, started(scene, twists, point))
+    known = np.isfinite(found).all(axis=1)
+    assert known.sum() > 30
+    assert (found[known, 2] > 0.5).all()
 
 
 def test_the_gradient_by_a_shape_is_that_of_finite_differences():
@@ -108,14 +124,14 @@ def test_the_gradient_by_a_shape_is_that_of_finite_differences():
     solution = replace(solution, share=np.ones_like(solution.share))
     solution = settled(scene, solution, solution_places(scene, solution))
     found = equations(scene, solution)
-    assert len(found.gradient) == 32
+    assert len(found.gradient) == 44
 
     def criterion(step):
         moved = moved_by(solution, step)
         return settled(scene, moved, solution_places(scene, moved)).criterion[0]
 
-    for entry in (0, 9, 25, *range(27, 32)):
-        step = np.zeros(32)
+    for entry in (0, 9, 37, *range(39, 44)):
+        step = np.zeros(44)
         step[entry] = 1e-5
         slope = (criterion(step) - criterion(-step)) / 2e-5
         assert found.gradient[entry] == pytest.approx(slope, rel=2e-3, abs=2e-3)
@@ -139,28 +155,56 @@ def test_the_gauge_turns_a_shape_as_well():
         assert abs(criterion(1e-4 * direction) - criterion(-1e-4 * direction)) < 1e-5
 
 
+def halves(scene):
+    """Training touches and held-out touches."""
+    number = len(scene.q)
+    return scene.some(np.arange(number - 400)), scene.some(np.arange(number - 400, number))
+
+
 def test_a_fist_is_found():
     scene, twists, points, y = a_scene()
-    train, tests = scene.some(np.arange(2600)), scene.some(np.arange(2600, 3000))
+    train, tests = halves(scene)
     start = refined(train, started(train, twists, points))
-    random = np.random.default_rng(0)
-    found = with_sizes(train, tests, start, random)
+    found = with_sizes(train, tests, start, np.random.default_rng(0))
     assert found.sizes is not None
+    assert np.linalg.norm(found.sizes.shape) > 0.1
     whole = carried_over(scene, found)
     as_point = misfit(solution_places(scene, carried_over(scene, start))[0], y)
     assert misfit(solution_places(scene, whole)[0], y) < 0.35 * as_point
-    # Up to the gauge, which turns and scales it, the spread of the shape is known.
-    B = np.tensordot(whole.sizes.shape[0], SHAPE_BASIS, axes=1)
-    true = np.tensordot(SHAPE, SHAPE_BASIS, axes=1)
-    values, wanted = np.linalg.eigvalsh(B), np.linalg.eigvalsh(true)
-    size = np.linalg.norm(whole.place.std(axis=0)) / np.linalg.norm(y.std(axis=0))
-    assert values / size == pytest.approx(wanted, abs=0.03)
 
 
 def test_a_point_stays_a_point():
     scene, twists, points, _ = a_scene(None)
-    train, tests = scene.some(np.arange(2600)), scene.some(np.arange(2600, 3000))
+    train, tests = halves(scene)
     start = refined(train, started(train, twists, points))
+    assert with_sizes(train, tests, start, np.random.default_rng(0)) is start
+
+
+def test_four_joints_tell_no_size():
+    scene, twists, points, _ = a_scene(None, joints=4)
+    train, tests = halves(scene)
+    start = refined(train, started(train, twists, points))
+    assert with_sizes(train, tests, start, np.random.default_rng(0)) is start
+    # Without that rule it would have one.
+    trial = refined(train, sized(train, start))
+    assert trial.criterion[0] < start.criterion[0] - 0.1
+
+
+def test_of_a_fist_and_a_fingertip_only_the_fist_has_a_shape():
+    fist, twists, points, _ = a_scene()
+    tip, _, _, _ = a_scene(None)
+    # Two arms alike, each with a skin of its own.
+    q = np.zeros((len(fist.q) + len(tip.q), 12))
+    q[: len(fist.q), :6], q[len(fist.q) :, 6:] = fist.q, tip.q
+    target = np.r_[fist.target, tip.target + len(fist.part)]
+    part = np.repeat([0, 1], [len(fist.part), len(tip.part)])
+    ways = {(0, 0): WAY, (1, 1): tuple((joint + 6, 1) for joint in range(6))}
+    scene = Scene(q, target, part, ways)
+    rows = np.random.default_rng(0).permutation(len(q))
+    train, tests = scene.some(np.sort(rows[800:])), scene.some(np.sort(rows[:800]))
+    start = started(train, np.concatenate([twists, twists]), np.concatenate([points, points]))
+    start = refined(train, start)
     found = with_sizes(train, tests, start, np.random.default_rng(0))
-    assert found.sizes is None
-    assert found is start
+    assert found.sizes.sized.tolist() == [True, False]
+    assert found.sizes.shape[0].any()
+    assert not found.sizes.shape[1].any()
