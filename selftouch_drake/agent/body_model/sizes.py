@@ -144,15 +144,17 @@ def carried_over(scene: Scene, solution: Solution) -> Solution:
 def log_distances(tests: Scene, solution: Solution) -> np.ndarray:
     """`(m,)` logarithms of distances of held-out touches to their kernels; NaN where unknown.
 
-    Each is that of the nearest toucher, relative to the size of the whole.
+    Each is that of the nearest toucher, relative to the size of the part's skin.
     """
     Y = solution_places(tests, solution)
     far = np.linalg.norm(Y - solution.place[tests.target], axis=2)
     far = np.nan_to_num(far, nan=np.inf).min(axis=0)
-    known = np.isfinite(solution.place).all(axis=1)
-    size = np.linalg.norm(solution.place[known].std(axis=0))
-    with np.errstate(divide="ignore"):
-        return np.where(np.isfinite(far), np.log(np.maximum(far / size, 1e-6)), np.nan)
+    size = np.ones(int(tests.part.max()) + 1)
+    for part in tests.parts:
+        place = solution.place[tests.part == part]
+        size[part] = np.linalg.norm(place[np.isfinite(place).all(axis=1)].std(axis=0))
+    far = np.maximum(far / size[tests.part[tests.target]], 1e-6)
+    return np.where(np.isfinite(far), np.log(far), np.nan)
 
 
 def with_sizes(
