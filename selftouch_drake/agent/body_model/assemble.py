@@ -103,9 +103,8 @@ def assembled(
     ]
     shapes = np.zeros((len(points), 5))
     if solution.sizes is not None:
-        for toucher, link in enumerate(toucher_link):
-            own = solution.sizes.shape[toucher]
-            shapes[toucher] = shape_moved(carried[int(link)], own)
+        for number, link in enumerate(toucher_link):
+            shapes[number] = shape_moved(carried[int(link)], solution.sizes.shape[number])
     place, normal = np.full((len(scene.part), 3), np.nan), np.full((len(scene.part), 3), np.nan)
     outward = outward_normals(scene, solution)
     for part, link in tree.part.items():

@@ -41,8 +41,8 @@ _ALL_TRIED = 16
 _PROBED = 6
 # New joints that are tried in all orders, at most.
 _MOST_NEW = 3
-# Times that twists of new joints are drawn for all links that may carry a part: on the infant's head
-# five draws of six hold the right one.
+# Times that twists of new joints are drawn for all links that may carry a part: on the infant's
+# head five draws of six hold the right one.
 _TRIES = 3
 
 

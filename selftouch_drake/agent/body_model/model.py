@@ -330,6 +330,8 @@ class BodyModel(Record):
         # Where it touches depends on its shape, and the other way round.
         for _ in range(2):
             normal = blended_normals(place, self.kernel_normal, near, at)
+            # A normal is known where no place is, if a model was made by hand.
+            normal = np.where(np.isnan(normal), self.kernel_normal[target], normal)
             away = -np.einsum("nij,nj->ni", transposed(X)[:, :3, :3], normal)
             in_hand = bulge(self.toucher_shape[toucher], away)
             at = centre + np.einsum("nij,nj->ni", X[:, :3, :3], in_hand)

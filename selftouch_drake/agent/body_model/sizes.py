@@ -7,7 +7,7 @@ kept for the touchers whose held-out touches lie nearer to the places of their k
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -33,8 +33,8 @@ from selftouch_drake.agent.body_model.support import beside
 #: Touchers have sizes if the mean logarithm of the distances of their held-out touches to their
 #: kernels falls by more. Measured on fists of the infant: 0.06 to 0.09; on fingertips: 0.0005.
 EARNED = 0.03
-# Joints between a toucher and some skin, at least. With four joints a kernel leaves two motions free:
-# five more numbers explained touches of a point better than the truth did.
+# Joints between a toucher and some skin, at least. With four joints a kernel leaves two motions
+# free: five more numbers explained touches of a point better than the truth did.
 _FEWEST_JOINTS = 5
 # Touches with which it is found out whether sizes pay, and steps for it.
 _TRIED, _TRIAL_STEPS = 8000, 3
@@ -57,7 +57,9 @@ def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
     for number in range(patch.max() + 1):
         here = np.flatnonzero(patch == number)
         away = solution.place[here] - solution.place[here].mean(axis=0)
-        bulging = np.einsum("ka,ka->k", away, normal[here]).sum() / np.linalg.norm(away, axis=1).sum()
+        bulging = (
+            np.einsum("ka,ka->k", away, normal[here]).sum() / np.linalg.norm(away, axis=1).sum()
+        )
         side = bulging
         if abs(bulging) < _FLAT:
             side = np.einsum("ka,ka->k", behind[here], normal[here]).sum()

@@ -7,7 +7,6 @@ from scipy.linalg import expm
 
 from selftouch_drake.agent.body_model.model import (
     BASE,
-
     UNUSED,
     BodyModel,
     JointKind,

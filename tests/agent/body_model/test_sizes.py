@@ -51,8 +51,9 @@ def test_turns_are_the_derivatives_of_places_by_the_point():
     twists, point = an_arm(slides=(2,))
     q = np.random.default_rng(0).normal(size=(20, 4))
     signs = np.array([1.0, -1.0, 1.0, -1.0])
-    moved = places(q, twists, point + [0.3, -0.1, 0.2], signs) - places(q, twists, point, signs)
-    assert turns(q, twists, signs) @ [0.3, -0.1, 0.2] == pytest.approx(moved)
+    step = np.array([0.3, -0.1, 0.2])
+    moved = places(q, twists, point + step, signs) - places(q, twists, point, signs)
+    assert turns(q, twists, signs) @ step == pytest.approx(moved)
     each = np.random.default_rng(1).normal(size=(20, 3))
     alone = [places(q[i : i + 1], twists, each[i])[0] for i in range(20)]
     assert places(q, twists, each) == pytest.approx(np.array(alone), abs=1e-15)
