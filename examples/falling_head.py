@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from selftouch_drake.systems import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, TactileSkin
 
 MASS = 1.0
 
@@ -31,7 +31,7 @@ def main() -> tuple[np.ndarray, np.ndarray]:
     plant.SetDefaultFloatingBaseBodyPose(head, RigidTransform([0.0, 0.0, 0.35]))
     plant.Finalize()
 
-    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
     log = LogVectorOutput(touch.GetOutputPort("sensation"), builder, publish_period=0.01)
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(2.0)

@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from selftouch_drake.systems import AddModelsAndSkins, AddTactileSkin
+from selftouch_drake.systems import AddModelsAndSkins, TactileSkin
 from selftouch_drake.systems.skin_visualizer import SkinVisualizer
 
 HERE = Path(__file__).parent
@@ -40,7 +40,7 @@ def main(page: Path | None = None) -> tuple[np.ndarray, np.ndarray]:
     plant.set_gravity_enabled(plant.GetModelInstanceByName("arm"), False)
     plant.Finalize()
 
-    touch = AddTactileSkin(diagram_builder, plant, builder.scene_graph(), worn)
+    touch = TactileSkin.AddToBuilder(diagram_builder, plant, builder.scene_graph(), worn)
     log = LogVectorOutput(touch.GetOutputPort("sensation"), diagram_builder, publish_period=0.01)
     q = np.array([ABOVE, ON, ON, PRESSED, PRESSED]).T
     path = PiecewisePolynomial.FirstOrderHold(TIMES, q)

@@ -22,7 +22,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from selftouch_drake.systems import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, TactileSkin
 
 HERE = Path(__file__).parent
 # N, of each finger; kg and m, of the box.
@@ -62,7 +62,7 @@ def main() -> dict[str, float]:
     lift.set_controller_gains(PdControllerGains(p=1e4, d=1e3))
     plant.Finalize()
 
-    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
     path = PiecewisePolynomial.FirstOrderHold(TIMES, np.array([HEIGHTS, [0, 0], [0, 0]]))
     follow = builder.AddSystem(TrajectorySource(path, output_derivative_order=1))
     builder.Connect(follow.get_output_port(), plant.get_desired_state_input_port(gripper))

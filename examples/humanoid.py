@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
 
-from selftouch_drake.systems import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, TactileSkin
 
 SKIN = {
     "surface": {"shape": "collision", "resolution": 0.03},
@@ -49,7 +49,7 @@ def main(model: Path | None = None) -> tuple[dict[str, float], float]:
     }
     worn = AddSkins(plant, scene_graph, links)
     plant.Finalize()
-    touch = AddTactileSkin(builder.builder(), plant, scene_graph, worn)
+    touch = TactileSkin.AddToBuilder(builder.builder(), plant, scene_graph, worn)
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
     plant_context = plant.GetMyMutableContextFromRoot(context)

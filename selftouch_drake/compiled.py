@@ -1,4 +1,4 @@
-"""Compilation of inner loops: cached, without the interpreter's lock, and without fast maths.
+"""Compilation of inner loops: cached, without the interpreter's lock, and exact but for one kind.
 
 Numba compiles whole-array expressions for seconds, and a function again for each literal that it
 is passed: compiled code is plain loops, and what counts starts as an `np.int64`.
@@ -19,3 +19,7 @@ _OPTIONS: dict[str, Any] = {
 compiled = numba.njit(**_OPTIONS)
 # For functions that only compiled code calls: they compile in less time.
 inner = numba.njit(**_OPTIONS | {"no_cpython_wrapper": True})
+# For inner functions whose sums may be taken in any order, so that they become vectors: the last
+# bits depend on the kind of processor.
+_ANY_ORDER: Any = {"reassoc", "contract", "nsz", "arcp"}
+inner_in_any_order = numba.njit(**_OPTIONS | {"no_cpython_wrapper": True}, fastmath=_ANY_ORDER)

@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.quotient.representation import Representation
 
@@ -49,8 +50,9 @@ def laid_by_hand(
             "mode_joints": np.ones((1, num_joints), dtype=bool),
             "overlap": np.ones((num_receptors, num_receptors), dtype=bool),
             "part": np.zeros(num_kernels, dtype=int),
-            "embedding": np.zeros((num_kernels, 3)),
         } | fields
+    if issubclass(kind, EmbeddedRepresentation):
+        fields = {"embedding": np.zeros((num_kernels, 3))} | fields
     return kind(**fields)
 
 
@@ -75,7 +77,7 @@ def ring_by_hand(
         links = [(k, (k + 1) % num_kernels) for k in range(num_kernels)]
     edges = np.array(sorted((min(e), max(e)) for e in links), dtype=int).reshape(-1, 2)
     distance = np.linalg.norm(centre[:, None] - centre, axis=2)
-    fields = {} if kind is Representation else {"embedding": centre}
+    fields = {"embedding": centre} if issubclass(kind, EmbeddedRepresentation) else {}
     return laid_by_hand(
         np.split(kernel_q, num_kernels),
         edges,

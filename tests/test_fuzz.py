@@ -25,6 +25,7 @@ from hypothesis import strategies as st
 from selftouch_drake.agent.body_model.model import BodyModel, rejected
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience.store import (
     Contacts,
@@ -165,6 +166,7 @@ def run(tmp_path_factory):
         overlap=np.eye(100, dtype=bool),
         set_distance=np.ones((50, 50), np.float32),
         embedding=random.uniform(-1, 1, (50, 3)),
+        kind=EmbeddedRepresentation,
     )
     save_arrays(made.representation, representation.to_arrays() | made.stamp())
     topology = {"num_parts": np.array(1), "kernels": np.arange(50), "pieces": np.zeros((0, 3))}

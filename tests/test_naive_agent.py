@@ -44,7 +44,7 @@ def test_every_module_is_looked_at():
     assert {
         "selftouch_drake.agent.agent",
         "selftouch_drake.agent.motions",
-        "selftouch_drake.agent.rehearsal",
+        "selftouch_drake.agent.tries",
         "selftouch_drake.agent.planning.planner",
         "selftouch_drake.agent.representation.estimator",
         "selftouch_drake.agent.shape.recovery",

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from selftouch_drake import systems
 from selftouch_drake.cli import cli
 from selftouch_drake.experiment import Experiment, Skin
 from selftouch_drake.experiment.schema import Babbling
@@ -75,8 +76,11 @@ def test_the_reference_names_every_command_field_metric_and_file(site):
     inside = [name for name, entry in vars(RunDirectory).items() if isinstance(entry, Inside)]
     assert "representation" in inside
     assert [name for name in inside if getattr(run, name).name not in files] == []
-    robot = (reference / "api" / "robot.html").read_text(encoding="utf-8")
-    assert 'id="selftouch_drake.robot.AddTactileSkin"' in robot
+    api = "".join(
+        (reference / "api" / f"{name}.html").read_text(encoding="utf-8")
+        for name in ("systems", "robot")
+    )
+    assert [name for name in systems.__all__ if not re.search(rf'id="[\w.]*\.{name}"', api)] == []
 
 
 def test_formulas_are_drawn_by_the_browser(site):

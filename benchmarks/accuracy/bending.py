@@ -48,9 +48,9 @@ def contacts(run: RunDirectory, num_pairs: int) -> dict[str, float]:
     assert bodies.world is not None
     pairs = random_pairs(run.experiment, agent.representation, num_pairs)
     for way, model in (("straight", None), ("bent", agent.touch_model)):
-        planner = dataclasses.replace(agent, touch_model=model)
-        start_of = pilot_in(bodies, planner, run.experiment).start_of
-        plans = [planner.tour(pair, q_start=start_of(*pair)) for pair in pairs]
+        planning = dataclasses.replace(agent, touch_model=model)
+        start_of = pilot_in(bodies, planning, run.experiment).start_of
+        plans = [planning.plan(*pair, q_start=start_of(*pair)) for pair in pairs]
         contact = [contact_along(bodies.world, plan) for plan in plans]
         row |= {way: round(float(np.mean(contact)), 4), f"{way}_worst": round(min(contact), 4)}
     return row

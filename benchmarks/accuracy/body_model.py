@@ -29,6 +29,16 @@ from selftouch_drake.agent.body_model.support import beside, blended_normals
 TOUCHES = {
     "turning_body": 20_000, "gantry": 30_000, "two_arms": 60_000, "infant": 60_000,
 }  # fmt: skip
+#: What can be made wrong on purpose, by an amount.
+CORRUPTIONS = {
+    "labels": "share of labels that are shuffled",
+    "rows": "all labels are shuffled between rows",
+    "mixed": "rad, readings that mix joints: q + amount sin(2 q'), q' in reverse order",
+    "noise": "on joints, in standard deviations of each",
+    "backlash": "rad, play of each joint",
+    "slip": "degrees that a clutch gave way between two halves of the touches",
+    "missing": "number of the joint that is left out",
+}
 #: True orders from the skin outwards; joints in one tuple may change places.
 ORDERS = {
     "turning_body": [(2,), (1,), (0, 3), (4,), (5,), (6,), (7,), (8,)],
@@ -51,14 +61,17 @@ def the_run(name: str, seed: int, touches: int, folder: Path) -> Path:
     if not (run / "representation.npz").exists():
         from click.testing import CliRunner
 
-        from selftouch_drake.cli import main
+        from selftouch_drake.cli import cli
 
-        changes = f"{{seed: {seed}, babbling: {{num_samples: {touches}}}}}"
+        changes = (
+            f"{{seed: {seed}, babbling: {{num_samples: {touches}}}, "
+            "representation: {body_model: off}}"
+        )
         for arguments in (
             ["babble", name, "--out", str(run), "--set", changes],
             ["learn", str(run)],
         ):
-            CliRunner().invoke(main, arguments, catch_exceptions=False)
+            CliRunner().invoke(cli, arguments, catch_exceptions=False)
     return run
 
 
@@ -120,14 +133,23 @@ def corrupted(q, target, how):
         chosen = np.flatnonzero(random.random(len(q)) < amount)
         target = target.copy()
         target[chosen] = target[random.permutation(chosen)]
+    elif kind == "rows":
+        target = random.permutation(target)
     elif kind == "mixed":
         q = q + amount * np.sin(2 * q[:, ::-1])
     elif kind == "noise":
         q = q + amount * q.std(axis=0) * random.standard_normal(q.shape)
+    elif kind == "backlash":
+        # A joint lags behind its reading by half of the play, on the side that it came from.
+        q = q + amount / 2 * random.choice([-1.0, 1.0], q.shape)
+    elif kind == "slip":
+        # The clutch of the third joint gives way in one direction, once, half-way through.
+        q = q.copy()
+        q[random.permutation(len(q))[: len(q) // 2], 2] += np.deg2rad(amount)
     elif kind == "missing":
         q = np.delete(q, int(amount), axis=1)
     else:
-        raise SystemExit(f"--corrupt is {kind!r}: labels, mixed, noise or missing")
+        raise SystemExit(f"--corrupt is {kind!r}: {', '.join(CORRUPTIONS)}")
     return q, target
 
 
@@ -165,7 +187,7 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
     seconds = time.perf_counter() - began
     chain = model.chain(int(model.toucher_link[0])) if len(model.toucher_link) else []
     right = order_right(name, [int(shuffled[joint]) for joint in chain])
-    # As the label is wrong on purpose, the truth's is asked for.
+    # Labels may be wrong on purpose: true ones say which part is meant.
     place = model.place(readings, target)
     result = []
     for number in range(len(model.accepted_by_part)):
@@ -211,7 +233,8 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/body_model"))
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--radius", type=float, default=0.0, help="metres, of the touchers")
-    parser.add_argument("--corrupt", nargs=2, metavar=("KIND", "AMOUNT"))
+    kinds = "; ".join(f"{kind}: {what}" for kind, what in CORRUPTIONS.items())
+    parser.add_argument("--corrupt", nargs=2, metavar=("KIND", "AMOUNT"), help=kinds)
     args = parser.parse_args()
     for name in args.experiments:
         rows = [row for seed in args.seeds for row in look(name, seed, args)]

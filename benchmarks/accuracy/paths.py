@@ -29,7 +29,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Plan
 from selftouch_drake.agent.practice import NoWayError, practise
-from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.motion import jerk_reduction, random_pairs

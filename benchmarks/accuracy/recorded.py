@@ -34,7 +34,7 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.practice import NoWayError
-from selftouch_drake.agent.rehearsal import reached
+from selftouch_drake.agent.tries import reached
 from selftouch_drake.bodies.checked import CheckedBody
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.run.imported import free_rows, imported_experiment, read_data, timed
@@ -128,7 +128,7 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
     assert experiment.imported is not None
     felt = data.felt
     agent = Agent.learn(felt.q, felt.sensation, num_targets=options.targets, seed=seed)
-    body = LivingBody(CheckedBody(raw), felt.calibration)
+    body = LivingBody(CheckedBody(raw), felt.baseline)
     recorded = Recorded(agent.representation, free_rows(data, seed)["q"])
     pairs = pairs_within_parts(agent, options.pairs)
     for way in ("typical start", "recording", "body"):
@@ -140,7 +140,7 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
                     motions.append(pilot.plan(*pair).motion)
             else:
                 first = way == "typical start"
-                plan = agent.tour(pair) if first else recorded.surest(pair, agent.tour)[0]
+                plan = agent.plan(*pair) if first else recorded.surest(pair, agent.plan)[0]
                 motions.append(timed(agent, plan, experiment.imported))
         novelty = [recorded.novelty(motion.plan) for motion in motions]
         seconds = (time.process_time() - began) / len(motions)

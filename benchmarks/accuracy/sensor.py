@@ -50,7 +50,7 @@ from selftouch_drake.geometry.receptors import place_receptors, receptive_fields
 from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import SensorModel, SkinModel, WornSkin
 from selftouch_drake.robot.faces import Faces
-from selftouch_drake.systems import AddSkins, AddTactileSkin, RegisterSkin
+from selftouch_drake.systems import AddSkins, RegisterSkin, TactileSkin
 
 GRAVITY = 9.81
 # m and Pa, of all skins but those that vary.
@@ -103,7 +103,7 @@ class Row:
                 )
                 self._tips.append((tip, at, direction))
         plant.Finalize()
-        touch = AddTactileSkin(builder, plant, scene_graph, worn)
+        touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
         contact_port = plant.get_contact_results_output_port()
         self._diagram, self._plant = builder.Build(), plant
         self._context = self._diagram.CreateDefaultContext()
@@ -207,7 +207,7 @@ def at_rest(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=time_step)
     worn = build(plant, scene_graph)
     plant.Finalize()
-    touch = AddTactileSkin(builder, plant, scene_graph, [worn])
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, [worn])
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(duration)
     context = simulator.get_context()

@@ -22,7 +22,7 @@ import trimesh
 
 from selftouch_drake.agent.pilot import executed
 from selftouch_drake.agent.practice import NoWayError
-from selftouch_drake.agent.rehearsal import reached
+from selftouch_drake.agent.tries import reached
 from selftouch_drake.bodies.drake import DrakeDynamicBody
 from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.motion import random_pairs

@@ -201,17 +201,17 @@ MUTANTS = (
     ),
     Mutant(
         name="reached: any sensation will do",
-        file="agent/rehearsal.py",
+        file="agent/tries.py",
         old="return motion.plan.goal in felt_kernels(representation, felt[-1])",
         new="return bool(len(felt_kernels(representation, felt[-1])))",
-        first=("tests/agent/test_rehearsal.py",),
+        first=("tests/agent/test_tries.py",),
     ),
     Mutant(
         name="rehearsal: the last try is kept",
-        file="agent/rehearsal.py",
+        file="agent/tries.py",
         old="return max(tries, key=lambda one: (one.reached, one.contact))",
         new="return tries[-1]",
-        first=("tests/agent/test_rehearsal.py",),
+        first=("tests/agent/test_tries.py",),
     ),
     Mutant(
         name="timing: limits are used whole",
@@ -257,10 +257,10 @@ MUTANTS = (
     ),
     Mutant(
         name="import: three standard deviations count as touch",
-        file="agent/calibration.py",
+        file="agent/readings/baseline.py",
         old="_SILENCE = 6.0",
         new="_SILENCE = 3.0",
-        first=("tests/agent/test_calibration.py", "tests/run/test_imported.py"),
+        first=("tests/agent/readings/test_baseline.py", "tests/run/test_imported.py"),
     ),
     Mutant(
         name="collisions: parts may overlap a centimetre more",

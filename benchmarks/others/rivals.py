@@ -43,13 +43,13 @@ from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
 from sklearn.neural_network import MLPRegressor
 
-from selftouch_drake.agent.calibration import find_touches
+from selftouch_drake.agent.readings.found_touches import find_touches
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.quotient.sensations import assign
-from selftouch_drake.run.judged import find_recording, judge_submission
+from selftouch_drake.run.submissions import find_recording, judge_submission
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 

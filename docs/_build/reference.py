@@ -29,7 +29,7 @@ API = {
         + ("quotient.surface", "quotient.body", "quotient.links", "quotient.firm")
         + ("quotient.route", "quotient.waypoints", "quotient.smooth", "quotient.plan"),
     ),
-    "agent": ("The naive agent", ("agent.agent", "agent.motions", "agent.rehearsal")),
+    "agent": ("The naive agent", ("agent.agent", "agent.motions", "agent.tries")),
     "representation": (
         "What the agent learns",
         ("agent.representation.learning", "agent.representation.quotient")

@@ -27,7 +27,7 @@ from selftouch_drake.quotient.smooth import KNOT_SPACING
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.body_model.model import BodyModel
-    from selftouch_drake.agent.dry_run import DryRun
+    from selftouch_drake.agent.practice.dry_run import DryRun
     from selftouch_drake.agent.shape.recovery import RecoveredBody
 
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 class Agent:
     """A naive agent: it knows motor configurations and sensations, and nothing else.
 
-    It is immutable: methods that change it return another agent. What it does in a world is in
-    `practice` and `rehearsal`.
+    It is immutable: methods that change it return another agent. It plans, and moves nothing: in
+    `practice` it follows a plan slowly, and a `Pilot` moves its body.
 
     Attributes:
         representation: what it learned from its experience.
@@ -123,18 +123,13 @@ class Agent:
         kernels = felt_kernels(self.representation, sensation)
         return int(kernels[0]) if len(kernels) else None
 
-    def plan(self, start: int, goal: int, *, q_start: np.ndarray | None = None) -> Plan:
-        """Plans from one target sensation to another; see `tour`."""
-        return self.tour([start, goal], q_start=q_start)
-
-    def tour(
-        self, targets: Sequence[int | None], *, q_start: np.ndarray | None = None, **options: Any
-    ) -> Plan:
-        """Plans one continuous motion through several target sensations, in order.
+    def plan(self, *targets: int | None, q_start: np.ndarray | None = None, **options: Any) -> Plan:
+        """Plans one continuous motion through two or more target sensations, in order.
 
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
-        Arguments and errors are as of `Planner.plan`: options are `aside`, `lift_off` and `limits`.
+        The first target is None if nothing is felt at `q_start`. Arguments and errors are as of
+        `Planner.plan`: options are `aside`, `lift_off` and `limits`.
         """
         if q_start is None:
             if not targets or targets[0] is None:

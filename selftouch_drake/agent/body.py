@@ -6,12 +6,9 @@ joints, the number of its skins and how it is simulated or built are its own aff
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from selftouch_drake.agent.touch_profile import TouchProfile
 
 
 class BodyError(ValueError):
@@ -113,16 +110,35 @@ class Body(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TouchProfile:
+    """The sensations beside a motion.
+
+    K places along it, J joints, G places across.
+
+    Attributes:
+        time_s: `(K,)` s, time of the motion at each place.
+        across: `(K, J)` unit length, scaled direction through the skin; it changes continuously.
+        joint_scale: `(J,)` factors of scaled configurations.
+        strength: `(K, G)` N, L2 norm of the sensations across the motion; 0 in the air.
+    """
+
+    time_s: np.ndarray
+    across: np.ndarray
+    joint_scale: np.ndarray
+    strength: np.ndarray
+
+
 @runtime_checkable
 class ServoedBody(Body, Protocol):
     """A body that corrects a motion by touch while it follows it.
 
     Attributes:
-        offsets: `(G,)` rad, displacements across the skin that it distinguishes.
+        offsets: `(G,)` mu, displacements across the skin that it distinguishes.
     """
 
     offsets: np.ndarray
 
-    def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: "TouchProfile") -> Followed:
+    def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile) -> Followed:
         """As `follow`, and stays in the skin by what is felt `beside` the motion."""
         ...

@@ -11,16 +11,16 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.body import Body, Followed, ServoedBody
-from selftouch_drake.agent.dry_run import DryRun, dry_run
+from selftouch_drake.agent.body import Body, Followed, ServoedBody, TouchProfile
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.planner import checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
-from selftouch_drake.agent.practice import NoWayError, learn_from, practise
-from selftouch_drake.agent.rehearsal import Try, judged_try
-from selftouch_drake.agent.sliding import Slider
-from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
+from selftouch_drake.agent.practice.dry_run import DryRun, dry_run
+from selftouch_drake.agent.practice.practise import NoWayError, practise, remembering
+from selftouch_drake.agent.practice.sliding import Slider
+from selftouch_drake.agent.practice.touch_profile import felt_across
+from selftouch_drake.agent.tries import Try, judged_try
 from selftouch_drake.quotient.plan import Limits
 from selftouch_drake.randomness import random_stream
 
@@ -33,8 +33,8 @@ _REST_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Query:
-    """The answer to a request for a motion.
+class PlannedMotion:
+    """A motion that is ready to be executed, and how it came about.
 
     Attributes:
         agent: the agent that planned, after its practice.
@@ -80,35 +80,35 @@ class Pilot:
     def prepare_queries(self) -> None:
         """Prepares everything that queries need, so that the first one takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
-            plan = self.agent.tour(edge)
+            plan = self.agent.plan(*edge)
             self.motion(plan, dry_run(plan, self._slider))
 
-    def plan(self, *targets: int) -> Query:
+    def plan(self, *targets: int) -> PlannedMotion:
         """Plans through two or more target sensations, in order.
 
         The motion starts at a configuration of the first, as of `start_of`.
 
         Raises:
             NoWayError: none was found.
-            ValueError: as `Agent.tour`.
+            ValueError: as `Agent.plan`.
         """
-        return self._query(targets, self.start_of(*targets))
+        return self._planned(targets, self.start_of(*targets))
 
-    def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
+    def plan_from(self, q_start: np.ndarray, goal: int) -> PlannedMotion:
         """Plans from any configuration `(J,)`, touching or not, to a target sensation.
 
         Raises:
             NoWayError: none was found.
-            ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
+            ValueError: as `Agent.plan`, or `q_start` is outside the limits of the joints.
         """
         limits = self.body.lower, self.body.upper
         q_start = checked_configuration(q_start, self.agent.representation, limits)
         return self.plan_feeling(q_start, self.practice.feel(q_start[None]).sensation[0], goal)
 
-    def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
+    def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> PlannedMotion:
         """Like `plan_from`, with the sensation at the start, `(S,)` N, already known."""
         limits = self.body.lower, self.body.upper
-        return self._query([self.agent.felt(felt), goal], q_start, limits)
+        return self._planned([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel, by the seed.
@@ -117,7 +117,7 @@ class Pilot:
         """
         known = self.agent.representation
         if not self.body.jumps:
-            starts = [p.waypoints_q[0] for p in Recorded(known).surest(targets, self.agent.tour)]
+            starts = [p.waypoints_q[0] for p in Recorded(known).surest(targets, self.agent.plan)]
             return next((q for q in starts if self.practice.feel(q[None]).reached[0]), starts[0])
         members = known.kernel_q[known.members(targets[0])]
         rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
@@ -131,13 +131,16 @@ class Pilot:
             acceleration_limit=self.body.acceleration,
             rate_hz=RATE_HZ,
         )
-        num = 0 if self.body.jumps else round(_REST_S * RATE_HZ)
-        time_s, s, q, v = (
-            np.concatenate([samples, np.repeat(samples[-1:], num, axis=0)])
-            for samples in (timed.time_s, timed.s, timed.q, timed.v)
+        num_resting = 0 if self.body.jumps else round(_REST_S * RATE_HZ)
+        rest_s = timed.time_s[-1] + np.arange(1, num_resting + 1) / RATE_HZ
+        return self.agent.motion(
+            plan,
+            time_s=np.concatenate([timed.time_s, rest_s]),
+            s=_held(timed.s, num_resting),
+            q=_held(timed.q, num_resting),
+            v=_held(timed.v, num_resting),
+            dry_run=felt,
         )
-        time_s[len(time_s) - num :] += np.arange(1, num + 1) / RATE_HZ
-        return self.agent.motion(plan, time_s=time_s, s=s, q=q, v=v, dry_run=felt)
 
     def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Followed]:
         """Lets the body follow a motion from its start.
@@ -180,17 +183,17 @@ class Pilot:
         tries: list[Try] = []
         while len(tries) < max_tries and not (tries and tries[-1].perfect):
             try:
-                query = self.plan(start, goal)
+                planned = self.plan(start, goal)
             except NoWayError:
                 if tries or known is not None:
                     break
                 raise
-            if known is not None and np.array_equal(query.motion.q, known.execution.motion.q):
+            if known is not None and np.array_equal(planned.motion.q, known.execution.motion.q):
                 tries.append(known)
             else:
-                execution, _ = self.execute(query.motion)
+                execution, _ = self.execute(planned.motion)
                 tries.append(judged_try(execution, self.agent.representation))
-            self.agent = learn_from(tries[-1], query.agent, self._slider)
+            self.agent = remembering(tries[-1], planned.agent, self._slider)
         return tries
 
     @cached_property
@@ -198,20 +201,25 @@ class Pilot:
         """The slider of the agent: it feels, and knows which configurations are possible."""
         return Slider(self.practice, self.agent.representation.joint_scale)
 
-    def _query(
+    def _planned(
         self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
-    ) -> Query:
+    ) -> PlannedMotion:
         """Plans and practises the plan."""
         began = time.perf_counter()
         found = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
         motion = self.motion(found.plan, found.felt)
-        return Query(
+        return PlannedMotion(
             agent=found.agent,
             plan=found.plan,
             unpractised=found.unpractised,
             motion=motion,
             seconds=time.perf_counter() - began,
         )
+
+
+def _held(samples: np.ndarray, num: int) -> np.ndarray:
+    """Samples `(T, ...)`, of which the last is held for so many more."""
+    return np.concatenate([samples, np.repeat(samples[-1:], num, axis=0)])
 
 
 def executed(motion: Motion, followed: Followed) -> Execution:

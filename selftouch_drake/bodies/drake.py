@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from selftouch_drake.agent.body import Felt, Followed
-from selftouch_drake.agent.touch_profile import TouchProfile
+from selftouch_drake.agent.body import Felt, Followed, TouchProfile
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.experience.walk import BATCH_S
 from selftouch_drake.experiment import Experiment
@@ -170,7 +169,7 @@ class DrakeDynamicBody(_Joints):
 
     Attributes:
         unit: as of `DrakeBody`.
-        offsets: `(G,)` rad, displacements that the touch servo distinguishes.
+        offsets: `(G,)` mu, displacements that the touch servo distinguishes.
         robot_s: s, time of the robot so far.
     """
 
@@ -187,9 +186,8 @@ class DrakeDynamicBody(_Joints):
 
     @cached_property
     def _simulation(self) -> Simulation:
-        return simulation_of(
-            self.world
-        )  # takes as long to build as a plan; who only plans needs none
+        # It takes as long to build as a plan; who only plans needs none.
+        return simulation_of(self.world)
 
     def feel(self, q: np.ndarray) -> "DrakeFelt":
         """What is felt at `(n, J)` configurations, after the robot came to rest at each."""

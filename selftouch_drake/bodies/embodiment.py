@@ -8,8 +8,8 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body
-from selftouch_drake.agent.calibration import Calibration
 from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.agent.readings.baseline import Baseline
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.bodies.own import open_body
@@ -63,9 +63,9 @@ def make_bodies(
     experiment: Experiment,
     cache: Path | None = None,
     fingerprint: str = "",
-    calibration: Calibration | None = None,
+    baseline: Baseline | None = None,
 ) -> Bodies:
-    """The bodies of an experiment; of others with the calibration of their receptors, if known.
+    """The bodies of an experiment; of others with the baseline of their receptors, if known.
 
     In the cache, a folder, skins are kept for other processes and later commands. The fingerprint
     is of the experience, which depends on the content of its models.
@@ -75,7 +75,7 @@ def make_bodies(
         ValueError: as `build_world`.
     """
     if experiment.body_from in ("python", "gymnasium"):
-        return LivingBody(open_body(experiment), calibration)
+        return LivingBody(open_body(experiment), baseline)
     return DrakeBodies(build_world(experiment, cache, fingerprint))
 
 

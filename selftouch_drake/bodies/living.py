@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body import BodyError, Felt, Followed
-from selftouch_drake.agent.calibration import Calibration, calibrate
+from selftouch_drake.agent.readings.baseline import Baseline, estimate_baseline
 from selftouch_drake.bodies.checked import CheckedBody
 from selftouch_drake.experience.collect import random_walk, walker_of
 from selftouch_drake.experiment import Experiment
@@ -25,8 +25,8 @@ _ROWS, _LONG_ENOUGH_S = 2000, 60.0
 class LivingBody:
     """A body of others: it babbles, practises and acts, and nobody knows its truth.
 
-    Its raw readings become sensations; the import uses the same calibration. It is left at rest
-    when the program ends. The agent calibrates its receptors itself if they are not calibrated yet.
+    Its raw readings become sensations; the import uses the same baseline. It is left at rest
+    when the program ends. The agent finds the baseline itself if it is not known yet.
 
     Attributes:
         met: touches that it meets from now on, if it is to note them, `(n, J)` and `(n, S)` N: they
@@ -35,8 +35,8 @@ class LivingBody:
 
     world = None
 
-    def __init__(self, body: CheckedBody, calibration: Calibration | None = None):
-        self._body, self.calibration = body, calibration
+    def __init__(self, body: CheckedBody, baseline: Baseline | None = None):
+        self._body, self.baseline = body, baseline
         self.joint_names, self.jumps = body.joint_names, body.jumps
         self.lower, self.upper = body.lower, body.upper
         self.velocity, self.acceleration = body.velocity, body.acceleration
@@ -53,9 +53,9 @@ class LivingBody:
         """The body, with sensations.
 
         Raises:
-            BodyError: its receptors are not calibrated yet.
+            BodyError: the baseline of its receptors is not known yet.
         """
-        if self.calibration is None:
+        if self.baseline is None:
             raise BodyError(f"{self._body.name} is not calibrated: babble first")
         return self
 
@@ -80,7 +80,9 @@ class LivingBody:
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`, with sensations."""
         felt = self._body.feel(q)
-        self._at, self._where = None, [self._where, *felt.q][-1]
+        self._at = None
+        if len(felt.q):
+            self._where = felt.q[-1]
         return self._noted(replace(felt, sensation=self._sensation(felt.sensation)))
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
@@ -94,11 +96,11 @@ class LivingBody:
         self._noted(followed.felt())
         return followed
 
-    def calibrate(self, experiment: Experiment) -> Calibration:
-        """Calibrates the receptors: the body walks at random, in touch or not.
+    def find_baseline(self, experiment: Experiment) -> Baseline:
+        """Finds the baseline of its readings: the body walks at random, in touch or not.
 
         Raises:
-            BodyError: what the body reads cannot be calibrated.
+            BodyError: what the body reads has no baseline.
         """
         walker, path = walker_of(experiment, self._body), random_walk(experiment, self._body, 0)
         if walker.timed:
@@ -112,10 +114,10 @@ class LivingBody:
             num_rows += len(parts[-1].q)
         q, readings = (np.concatenate([getattr(p, n) for p in parts]) for n in ("q", "sensation"))
         try:
-            self.calibration = calibrate(q, readings)
+            self.baseline = estimate_baseline(q, readings)
         except ValueError as error:
             raise BodyError(f"{self._body.name} cannot be calibrated: {error}") from None
-        return self.calibration
+        return self.baseline
 
     def _go(self, q: np.ndarray) -> None:
         """Travels to `(1, J)`, round what is in the way."""
@@ -127,9 +129,9 @@ class LivingBody:
         self._body.feel(q)
 
     def _sensation(self, readings: np.ndarray) -> np.ndarray:
-        calibration = self.babbling.calibration
-        assert calibration is not None
-        return calibration.sensation(readings)
+        baseline = self.babbling.baseline
+        assert baseline is not None
+        return baseline.sensation(readings)
 
     def _noted(self, felt: Felt) -> Felt:
         if self.met is not None:

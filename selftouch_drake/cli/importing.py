@@ -173,7 +173,7 @@ def score(file: Path, recording: str, as_json: bool) -> None:
     FILE is an .npz archive with one of `touch_places` (a row for each touch), `receptor_places` and
     `distances`, and if you like `rows`, `parts` and `plans`. The figures are those of `evaluate`.
     """
-    from selftouch_drake.run.judged import judge_submission
+    from selftouch_drake.run.submissions import judge_submission
 
     found = judge_submission(file, recording)
     if as_json:

@@ -94,7 +94,7 @@ def execute(directory: "RunDirectory", targets: list, max_tries: int | None) -> 
         option = "--from-q" if given["q_start"] else "--through"
         raise click.UsageError(f"--rehearse is given with {option}; use --from and --to instead")
 
-    from selftouch_drake.agent.rehearsal import best
+    from selftouch_drake.agent.tries import best
     from selftouch_drake.run import stages
 
     if max_tries is None:

@@ -38,7 +38,7 @@ class ExecutedTruth:
     off_skin_s: float | None
 
 
-class ExecutionJudge:
+class ExecutionScorer:
     """Holds motions that were executed in a world against the truth."""
 
     def __init__(self, world: World):

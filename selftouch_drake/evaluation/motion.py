@@ -7,16 +7,16 @@ import numpy as np
 
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.tries import reached
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.quotient.smooth import polyline
 from selftouch_drake.robot import World
 
-# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
+# Jerk is compared on samples this far apart, in mu of path length. The jerk of a polyline grows
 # without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
 _JERK_SPACING = 0.02
-# rad of path length, between samples of a plan without times.
+# mu of path length, between samples of a plan without times.
 _SAMPLED = 0.01
 
 
@@ -44,7 +44,7 @@ class MotionScore:
 
     Attributes:
         contact: share of the time with expected contact in which something was felt.
-        reached: whether it ends in its goal; see `selftouch_drake.agent.rehearsal.reached`.
+        reached: whether it ends in its goal; see `selftouch_drake.agent.tries.reached`.
         prediction_error: mean cosine distance between predicted and felt, while in contact; 1 if
             it never is.
     """

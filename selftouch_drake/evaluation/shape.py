@@ -98,7 +98,7 @@ def kernel_truth(
 
 
 def neighbour_agreement(set_distance: np.ndarray, positions: np.ndarray) -> float:
-    """Share of the 6 nearest kernels by `(K, K)` rad that are truly, `(K, 3)` m, among 12."""
+    """Share of the 6 nearest kernels by `(K, K)` mu that are truly, `(K, 3)` m, among 12."""
     found = _nearest(set_distance, 6)
     true = _nearest(cdist(positions, positions), 12)
     hits = [np.isin(a, b).mean() for a, b in zip(found, true, strict=True)]

@@ -398,7 +398,7 @@ class Representation(Settings):
 class Planning(Settings):
     """From a route on the quotient graph to a smooth path in motor space."""
 
-    # Path length between knots of the smoothing spline, in rad; larger is smoother.
+    # Path length between knots of the smoothing spline, in mu; larger is smoother.
     knot_spacing: Positive = 0.135
     # What a route keeps short: the path on the `body`, or the motion of the `joints`.
     prefer: Literal["body", "joints"] = "body"

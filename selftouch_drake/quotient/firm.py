@@ -16,7 +16,8 @@ from .route import square_step
 # A configuration is isolated if it is farther than this from all strong ones of its kernel, in mu.
 # Measured on a torus with two fingers (150 plans): out of contact on 1.1 % of the length if plans
 # use the strongest half, on 0.7 % if they use the strongest third and the isolated ones. The worst
-# of 200 plans with one finger: 18 % and 3 %.
+# of 200 plans with one finger: 18 % and 3 %. At half, as it is, twice, contact on the cube is 98.2,
+# 97.6, 95.1 %.
 _ISOLATED = 1.0
 
 

@@ -53,7 +53,7 @@ class KernelSets:
             self.x[self.offsets[kernel] + number * sizes[kernel] // kept[kernel]], offsets
         )
 
-    def firm(self, strength: np.ndarray) -> "KernelSets":
+    def stronger_half(self, strength: np.ndarray) -> "KernelSets":
         """The half of each kernel that was felt more strongly, by `(R,)` strengths.
 
         A firm touch is deep in the skin, so small motion errors do not lose contact.

@@ -23,9 +23,11 @@ one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 #: A pass is kept if it leaves at most this share of the stress; the first that leaves more is
 #: discarded and ends the search. A body whose second pass is kept has rims, and needs more passes.
+#: If every pass were kept, shape 3.8; 3.0 % instead of 4.0; 2.9 %. Half the first share, and half
+#: and twice the gap of the second to 1, change nothing on closed bodies.
 _LEAST_LOWERED, _LEAST_LOWERED_WITH_RIMS = 2 / 3, 0.95
 
-#: Iterations of majorisation in each pass.
+#: Iterations of majorisation in each pass; 20 and 80 give the same shape to 0.01 %.
 _UNBENDING = 40
 
 #: Stands for the square of a distance of zero.

@@ -20,7 +20,8 @@ from .representation import Representation
 from .scale import joint_scale
 from .sensations import assign, strength, target_sensations, unlike
 
-#: Rows that target sensations are learned from: 40 per target for 1000 targets.
+#: Rows that target sensations are learned from: 40 per target for 1000 targets. More take time.
+#: With 20,000: shape 4.0 -> 4.2 %, contact 97.6 -> 96.0 %; 2.9 -> 2.8 %, 86.2 -> 88.5 %.
 MAX_ROWS = 40_000
 
 

@@ -24,13 +24,6 @@ def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
     return np.argsort(by_size)[label]
 
 
-def one_ring(edges: np.ndarray, num_kernels: int) -> csr_array:
-    """`(K, K)` 1 where two kernels are the same or neighbours, 0 elsewhere; powers are rings."""
-    (i, j), here = edges.T, np.arange(num_kernels)
-    ends = np.r_[i, j, here], np.r_[j, i, here]
-    return csr_array((np.ones(len(ends[0])), ends), shape=(num_kernels, num_kernels))
-
-
 def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.ndarray:
     """`(K, K)` shortest paths between kernels, infinite if none; `(E,)` lengths are positive."""
     found = np.empty((num_kernels, num_kernels))

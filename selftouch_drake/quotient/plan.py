@@ -125,10 +125,10 @@ def plan(
     if start != goal:
         between = [ways.graph.firm.members(kernel) for kernel in nodes[1:-1]]
         waypoints_x = smoothest_configurations([waypoints_x, *between, ends])
-    return through(nodes, waypoints_x, q_start, representation)
+    return path_through(nodes, waypoints_x, q_start, representation)
 
 
-def through(
+def path_through(
     nodes: np.ndarray,
     waypoints_x: np.ndarray,
     q_start: np.ndarray,

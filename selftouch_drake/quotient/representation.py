@@ -6,9 +6,7 @@ S = Psi(M) alone, is homeomorphic to X/=_phi, the quotient space of poses. Each 
 a motor kernel set; distances between these sets, and the graph over near ones, are its topology.
 """
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -29,26 +27,20 @@ class Representation:
         target_sensations: `(K, S)` target sensations, unit L2 norm.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         kernel_q: `(R, J)` in the robot's units, motor configurations, grouped by kernel.
-        kernel_row: `(R,)` row of each configuration in the experience, one for each place.
+        kernel_row: `(R,)` row of the experience from which each configuration was taken.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         joint_scale: `(J,)` positive factors that make the joints comparable.
         set_distance: `(K, K)` mu, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted. See
             `graph.surface_neighbours`.
-        edge_cost: `(E,)` mu, mean nearest-neighbour distance between the firm configurations of
-            both kernels, those felt more strongly than the median of their kernel.
+        edge_cost: `(E,)` mu, mean nearest-neighbour distance between the stronger halves of both
+            kernels: their configurations that were felt more strongly than the median.
         num_touches: rows of the experience.
 
     Raises:
         ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
     """
-
-    #: Fields that hold one entry for each stored configuration, and for each kernel.
-    by_row: ClassVar[tuple[str, ...]] = (
-        *("kernel_q", "kernel_row", "kernel_strength", "kernel_error"),
-    )
-    by_kernel: ClassVar[tuple[str, ...]] = ("target_sensations",)
 
     target_sensations: np.ndarray
     kernel_offsets: np.ndarray
@@ -119,24 +111,3 @@ class Representation:
                 "the targets of this representation"
             )
         return int(target)
-
-    def restricted(self, kernels: np.ndarray) -> Self:
-        """The representation of some of the kernels, `(n,)` ascending."""
-        return self if len(kernels) == self.num_targets else self._with_kernels(kernels)
-
-    def _with_kernels(self, kernels: np.ndarray, **fields: Any) -> Self:
-        """As `restricted`; `fields` replace further ones."""
-        rows = np.concatenate([np.arange(self.num_rows)[self.members(k)] for k in kernels])
-        place = np.full(self.num_targets, -1)
-        place[kernels] = np.arange(len(kernels))
-        kept = (place[self.edges] >= 0).all(axis=1)
-        fields |= {name: getattr(self, name)[rows] for name in self.by_row}
-        fields |= {name: getattr(self, name)[kernels] for name in self.by_kernel}
-        return dataclasses.replace(
-            self,
-            kernel_offsets=np.cumsum([0, *np.diff(self.kernel_offsets)[kernels]]),
-            set_distance=self.set_distance[np.ix_(kernels, kernels)],
-            edges=place[self.edges[kept]],
-            edge_cost=self.edge_cost[kept],
-            **fields,
-        )

@@ -19,6 +19,7 @@ from selftouch_drake.agent.body_model.model import BodyModel, VersionError
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.planning.touch_model import TouchModel
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.representation.graphs import to_networkx, without_vectors
 from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -69,7 +70,7 @@ def _load_touch_model(run: RunDirectory) -> TouchModel | None:
         return TouchModel.from_arrays(arrays)
 
 
-def load_representation(run: RunDirectory) -> QuotientRepresentation:
+def load_representation(run: RunDirectory) -> EmbeddedRepresentation:
     """The representation of a run that has learned.
 
     Raises:
@@ -82,7 +83,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
         raise MissingError(f"{run.path} has learned nothing yet; {remedy}")
     arrays = load_arrays(file)
     with _read_as("a representation", file, remedy):
-        representation = QuotientRepresentation.from_arrays(arrays)
+        representation = EmbeddedRepresentation.from_arrays(arrays)
     found = representation.target_sensations.shape
     wanted = (run.experiment.representation.num_targets, run.num_receptors)
     if found != wanted:
@@ -96,7 +97,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
 
 def save_learned(
     run: RunDirectory,
-    representation: QuotientRepresentation,
+    representation: EmbeddedRepresentation,
     body: "RecoveredBody",
     touch_model: TouchModel,
 ) -> None:
@@ -164,7 +165,7 @@ def load_body_model(run: RunDirectory) -> BodyModel:
     return model
 
 
-def load_body(run: RunDirectory, representation: QuotientRepresentation) -> "RecoveredBody":
+def load_body(run: RunDirectory, representation: EmbeddedRepresentation) -> "RecoveredBody":
     """The body that `learn` recovered.
 
     Raises:
@@ -336,7 +337,7 @@ def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
 
 
 def _part_from(
-    arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
+    arrays: Arrays, number: int, representation: EmbeddedRepresentation, distances: np.ndarray
 ) -> "RecoveredPart":
     from selftouch_drake.agent.shape.recovery import RecoveredPart
     from selftouch_drake.quotient.holes import Topology

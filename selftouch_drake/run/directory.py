@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from selftouch_drake.agent.calibration import Calibration
+from selftouch_drake.agent.readings.baseline import Baseline
 from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import (
@@ -69,7 +69,7 @@ class RunDirectory:
     added = Inside("added", "Touches that `learn --add` added to the experience, in shards.")
     truth = Inside("truth", "The truth, in shards; only the experimenter may read it.")
     skin = Inside("skin.npz", "Receptors and outer surfaces of the skins; part of the truth.")
-    calibration = Inside(
+    baseline = Inside(
         "calibration.npz", "How raw readings become sensations, if the robot is not Drake's."
     )
     free = Inside("free.npz", "Where nothing was felt, of an imported run.")
@@ -179,15 +179,15 @@ class RunDirectory:
         if self.experiment.imported is None and not self.joints.exists():
             write_text_whole(self.joints, json.dumps(list(names)) + "\n")
 
-    def known_calibration(self) -> Calibration | None:
+    def known_baseline(self) -> Baseline | None:
         """How raw readings become sensations, if the run knows."""
-        if not self.calibration.exists():
+        if not self.baseline.exists():
             return None
-        return Calibration.from_arrays(load_arrays(self.calibration))
+        return Baseline.from_arrays(load_arrays(self.baseline))
 
-    def keep_calibration(self, calibration: Calibration) -> None:
+    def keep_baseline(self, baseline: Baseline) -> None:
         """Stores how raw readings become sensations."""
-        save_arrays(self.calibration, calibration.to_arrays() | self.body_stamp())
+        save_arrays(self.baseline, baseline.to_arrays() | self.body_stamp())
 
     def digests(self) -> Digests:
         """The content of the robot's models and meshes at the start of the run.

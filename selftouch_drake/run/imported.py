@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.calibration import FoundTouches, find_touches
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.pilot import RATE_HZ
 from selftouch_drake.agent.planning.timing import time_path
+from selftouch_drake.agent.readings.found_touches import FoundTouches, find_touches
 from selftouch_drake.experience.collect import walk_sizes
 from selftouch_drake.experience.recording import Recording, read_recording
 from selftouch_drake.experience.store import Shard, write_shard
@@ -121,9 +121,9 @@ def imported_experiment(
 
 
 def store(run: RunDirectory, data: Data) -> None:
-    """Writes touches, calibration of the receptors, and where nothing was felt into the run."""
-    felt, calibration, last = data.felt, data.felt.calibration, 0
-    run.keep_calibration(calibration)
+    """Writes touches, baseline of the receptors, and where nothing was felt into the run."""
+    felt, baseline, last = data.felt, data.felt.baseline, 0
+    run.keep_baseline(baseline)
     save_arrays(run.free, free_rows(data, run.experiment.seed) | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()
     for walk, (first, end) in enumerate(zip([0, *ends], ends, strict=False)):
@@ -143,10 +143,10 @@ def store(run: RunDirectory, data: Data) -> None:
             "import_num_rows": data.recording.num_rows,
             "import_num_incomplete": data.recording.num_incomplete,
             "import_num_null": len(felt.null),
-            "import_offset_median": float(np.median(calibration.offset)),
-            "import_drift_max": float(calibration.drift.max()),
-            "import_noise_median": float(np.median(calibration.noise)),
-            "import_threshold_median": float(np.median(calibration.threshold)),
+            "import_offset_median": float(np.median(baseline.offset)),
+            "import_drift_max": float(baseline.drift.max()),
+            "import_noise_median": float(np.median(baseline.noise)),
+            "import_threshold_median": float(np.median(baseline.threshold)),
             "import_num_lone": felt.num_lone,
             "import_num_fading": felt.num_fading,
             **({"import_silent_receptors": data.silent} if data.silent else {}),
@@ -204,18 +204,18 @@ def _content(felt: FoundTouches) -> str:
 def summary(data: Data, experiment: Experiment) -> list[str]:
     """Lines that say what the recording holds."""
     recording, felt = data.recording, data.felt
-    calibration, imported = felt.calibration, experiment.imported
+    baseline, imported = felt.baseline, experiment.imported
     assert imported is not None
     found = [
         f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
         f"{len(felt.null):,} feel nothing; {len(felt.rows):,} touches",
         f"joints: {_listed(recording.joints)}",
         f"receptors: {_listed(recording.receptors)}; readings "
-        f"{'rise' if calibration.rising else 'fall'} with pressure",
-        f"at rest: {_range(calibration.offset)}, drift {_range(calibration.drift)}, noise "
-        f"{_range(calibration.noise)}, threshold {_range(calibration.threshold)} above rest "
+        f"{'rise' if baseline.rising else 'fall'} with pressure",
+        f"at rest: {_range(baseline.offset)}, drift {_range(baseline.drift)}, noise "
+        f"{_range(baseline.noise)}, threshold {_range(baseline.threshold)} above rest "
         "(median, least to most)",
-        calibration.smoothed and "spikes: each reading is the median of three in time",
+        baseline.smoothed and "spikes: each reading is the median of three in time",
         felt.num_lone
         and f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out",
         felt.num_fading

@@ -20,8 +20,8 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.rehearsal import Try, best, judged_try
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
+from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
@@ -74,9 +74,9 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     bodies = run_bodies(run)
     if bodies.world is not None:
         _save_skin(run, bodies.world)
-    elif isinstance(bodies, LivingBody) and run.known_calibration() is None:
+    elif isinstance(bodies, LivingBody) and run.known_baseline() is None:
         progress(0.0, "readings at rest")
-        run.keep_calibration(bodies.calibrate(run.experiment))
+        run.keep_baseline(bodies.find_baseline(run.experiment))
     keep_bodies(run, bodies)
     _require_own_time(run, bodies.babbling)
     counts = _collected(run, bodies.babbling, executor, progress)
@@ -140,7 +140,7 @@ def _collected(run: RunDirectory, body: Body, executor: Executor, progress: Prog
 
 def learn(
     run: RunDirectory, progress: Progress = silent, executor: Executor | None = None
-) -> QuotientRepresentation:
+) -> EmbeddedRepresentation:
     """Builds the quotient representation from the experience, recovers the body, and models it.
 
     If all but the body model is there, because an older version learned or learning was
@@ -172,7 +172,7 @@ def _part(progress: Progress, start: float, end: float) -> Progress:
     return lambda fraction, doing: progress(start + (end - start) * fraction, doing)
 
 
-def _without_model(run: RunDirectory) -> QuotientRepresentation | None:
+def _without_model(run: RunDirectory) -> EmbeddedRepresentation | None:
     """The representation of a run that has learned everything but the body model; else None."""
     if not has_learned(run) or has_modelled(run):
         return None
@@ -188,7 +188,7 @@ def _without_model(run: RunDirectory) -> QuotientRepresentation | None:
 
 def _learn_quotient(
     run: RunDirectory, progress: Progress, executor: Executor | None
-) -> QuotientRepresentation:
+) -> EmbeddedRepresentation:
     """Builds the quotient representation, and recovers the body from it (the paper)."""
     from selftouch_drake.agent.representation.learning import learn as learn_quotient
     from selftouch_drake.agent.shape.recovery import recover
@@ -277,8 +277,8 @@ def planned(run: RunDirectory, *targets: int) -> Motion:
 def _planned_in_body(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) -> Motion:
     pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
-    query = pilot.plan(*targets) if q_start is None else pilot.plan_from(q_start, *targets)
-    return query.motion
+    planned = pilot.plan(*targets) if q_start is None else pilot.plan_from(q_start, *targets)
+    return planned.motion
 
 
 def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
@@ -303,7 +303,7 @@ def _planned_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     _require_targets(run, targets)
     free = load_arrays(run.free)["q"] if run.free.exists() else None
     recorded = Recorded(agent.representation, free)
-    plan, *_ = recorded.surest(targets, agent.tour)
+    plan, *_ = recorded.surest(targets, agent.plan)
     return timed(agent, plan, imported), recorded.novelty(plan)
 
 

@@ -19,10 +19,10 @@ from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.practice import NoWayError
-from selftouch_drake.agent.rehearsal import Try, best, judged_try
+from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.bodies.drake import DrakeFelt, DrakeFollowed
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
-from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
+from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionScorer
 from selftouch_drake.evaluation.motion import (
     MotionScore,
     jerk_reduction,
@@ -117,26 +117,26 @@ class FirstTries:
         pilot.agent = self.agent
         pilot.prepare_queries()
         world = bodies.world
-        self._judge = None if world is None else ExecutionJudge(world)
+        self._scorer = None if world is None else ExecutionScorer(world)
         self._own = OwnPaths(representation)
         self._true = None if world is None else TruePaths([s.fields for s in world.skins])
 
     def first(self, start: int, goal: int) -> tuple[FirstTry, Try] | None:
         """The first try of a pair; None if no way is found."""
         try:
-            query = self._pilot.plan(start, goal)
+            planned_motion = self._pilot.plan(start, goal)
         except NoWayError:
             return None
-        motion, representation = query.motion, self.agent.representation
-        unpractised = self._pilot.motion(query.unpractised)
+        motion, representation = planned_motion.motion, self.agent.representation
+        unpractised = self._pilot.motion(planned_motion.unpractised)
         blind, _ = self._pilot.execute(unpractised, practised=False)
         execution, followed = self._pilot.execute(motion)
         planned, felt = self._slowly(motion)
         impossible = 0 if felt is None else int(np.sum(~felt.reached))
         own_path, true_path = self._over_shortest(motion, felt)
         truth = None
-        if self._judge is not None and isinstance(followed, DrakeFollowed):
-            truth = self._judge.truth(execution, followed.log)
+        if self._scorer is not None and isinstance(followed, DrakeFollowed):
+            truth = self._scorer.truth(execution, followed.log)
         first = FirstTry(
             start=start,
             goal=goal,
@@ -144,11 +144,11 @@ class FirstTries:
             unpractised_executed=self.score(blind),
             planned=planned,
             executed=self.score(execution),
-            query_s=query.seconds,
-            jerk_reduction=jerk_reduction(query.plan, representation.joint_scale),
+            query_s=planned_motion.seconds,
+            jerk_reduction=jerk_reduction(planned_motion.plan, representation.joint_scale),
             over_shortest=own_path,
             true_over_shortest=true_path,
-            num_slides=len(query.agent.memory.slides.ends),
+            num_slides=len(planned_motion.agent.memory.slides.ends),
             errors=_prediction_errors(execution),
             impossible_planned=impossible,
             truth=truth,
@@ -171,8 +171,8 @@ class FirstTries:
         return score_motion(execution.motion, execution.felt, self.agent.representation)
 
     def off_skin_s(self, execution: Execution) -> float | None:
-        """As of `ExecutionJudge`; None if nobody knows."""
-        return None if self._judge is None else self._judge.off_skin_s(execution)
+        """As of `ExecutionScorer`; None if nobody knows."""
+        return None if self._scorer is None else self._scorer.off_skin_s(execution)
 
     def _slowly(self, motion: Motion) -> tuple[MotionScore | None, Felt | None]:
         """A motion, scored as it is felt slowly, and what is felt; None if the body cannot."""

@@ -52,7 +52,7 @@ def run_bodies(run: RunDirectory) -> Bodies:
     run.require_models()
     known = run.experiment.after(0), run.fingerprint()
     if not bodies_of.knows(*known):
-        bodies_of.keep(make_bodies(known[0], run.cache, known[1], run.known_calibration()), *known)
+        bodies_of.keep(make_bodies(known[0], run.cache, known[1], run.known_baseline()), *known)
     return bodies_of(*known)
 
 
@@ -60,7 +60,7 @@ def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -
     """The body that babbles, for jobs: of the run's experiment, or as it is after a change."""
     known = experiment, fingerprint
     if not bodies_of.knows(*known):
-        bodies_of.keep(make_bodies(experiment, calibration=run.known_calibration()), *known)
+        bodies_of.keep(make_bodies(experiment, baseline=run.known_baseline()), *known)
     return bodies_of(*known).babbling
 
 
@@ -127,7 +127,7 @@ def _opened(run: RunDirectory, reference: str) -> LivingBody:
             f"--body has {body.num_receptors} receptors, and the run {num_receptors}; give the "
             "body that was recorded"
         )
-    living = LivingBody(body, run.known_calibration())
+    living = LivingBody(body, run.known_baseline())
     if (still := living.still) is not None:
         _, q = next(run.touches().touches())
         some = q[:: max(len(q) // _FELT_AGAIN, 1)]
@@ -172,5 +172,5 @@ def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
         kept_skins(run.cache, run.fingerprint(), world)
     elif isinstance(bodies, LivingBody):
         run.keep_joint_names(bodies.joint_names)
-        bodies.calibration = bodies.calibration or run.known_calibration()
+        bodies.baseline = bodies.baseline or run.known_baseline()
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())

@@ -7,7 +7,7 @@ import numpy as np
 
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody
 from selftouch_drake.evaluation.coverage import touch_density
 from selftouch_drake.evaluation.life import LifeCurves
@@ -102,7 +102,7 @@ class RunData:
         ]
 
     @cached_property
-    def representation(self) -> QuotientRepresentation:
+    def representation(self) -> EmbeddedRepresentation:
         """What the agent has learned."""
         return load_representation(self.run)
 

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from selftouch_drake.systems.skin_visualizer import SkinVisualizer as SkinVisualizer
     from selftouch_drake.systems.station import MakeDynamicStation as MakeDynamicStation
     from selftouch_drake.systems.station import Station as Station
-    from selftouch_drake.systems.tactile_skin import AddTactileSkin as AddTactileSkin
     from selftouch_drake.systems.tactile_skin import TactileSkin as TactileSkin
     from selftouch_drake.systems.tactile_skin import UnfeltContactWarning as UnfeltContactWarning
     from selftouch_drake.systems.touch_servo import TouchServo as TouchServo
@@ -37,7 +36,6 @@ _MODULES = {
     "ImperfectSkins": "selftouch_drake.robot.imperfections",
     "RegisterSkin": "selftouch_drake.robot.skin_registration",
     "WornSkin": "selftouch_drake.robot.pairs",
-    "AddTactileSkin": f"{_ROOM}.tactile_skin",
     "Babbler": f"{_ROOM}.babbler",
     "JointReadout": f"{_ROOM}.joint_readout",
     "MakeDynamicStation": f"{_ROOM}.station",

@@ -134,7 +134,7 @@ class NaiveAgent(LeafSystem):
             return still
         here = self._agent.felt(self._sensation.Eval(context))
         try:
-            plan = self._agent.tour([here, wanted], q_start=q)
+            plan = self._agent.plan(here, wanted, q_start=q)
         except ValueError:  # there is no way
             return still
         timed = time_path(

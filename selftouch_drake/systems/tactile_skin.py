@@ -137,7 +137,3 @@ class TactileSkin(LeafSystem):
                 UnfeltContactWarning,
                 stacklevel=2,
             )
-
-
-#: With `AddSkins` before `Finalize`, the two calls that a diagram of one's own needs.
-AddTactileSkin = TactileSkin.AddToBuilder

@@ -17,7 +17,7 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
-#: rad, offsets across the skin that the servo distinguishes: 4 mm at an arm's length.
+#: mu, offsets across the skin that the servo distinguishes: 4 mm at an arm's length.
 OFFSETS = 0.005 * np.arange(-12, 13)
 
 #: s between two updates, a small part of the time constant of the servo.

@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that are parts of other programs.
 PARTS = {
+    "accuracy/made_up_bodies",
     *("cost/ompl_planner", "cost/peers", "cost/questions"),
     *("accuracy/revolute", "accuracy/unrolling", "others/foreign_bodies"),
     *("shared/babbled", "shared/raw_skin", "shared/results"),
@@ -95,11 +96,14 @@ SMALL: dict[str, list[str]] = {
         *FEW,
         "--out={tmp}/t",
     ],
+    "accuracy/constants": ["{tmp}/sphere_1", *FEW, "--pairs=1", "--only", "links._LEAP_POWER"],
     "accuracy/causes": ["{tmp}/sphere_1", "--touches=20000"],
     "accuracy/layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
     "cost/cluster": ["{run}"],
     "others/foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
     "accuracy/body_model": ["sphere", "--seeds=1", "--touches=3000", "--runs={tmp}"],
+    "accuracy/body_model_judged": ["--kinds", "right", "--seeds=0", "--touches=3000", "--jobs=1"],
+    "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
     "cost/diagrams": ["--count", "1"],
     "accuracy/calibration": ["--seeds=1", "--out={tmp}/table.md"],
     "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],

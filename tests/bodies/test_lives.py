@@ -56,17 +56,17 @@ def toy():
 def born(toy, **babbling):
     experiment = experiment_from_fields(python("Travels") | {"babbling": babbling})
     living = LivingBody(CheckedBody(toy))
-    return experiment, living, living.calibrate(experiment)
+    return experiment, living, living.find_baseline(experiment)
 
 
 def test_at_birth_it_calibrates_its_receptors(toy):
-    _, living, calibration = born(toy)
+    _, living, baseline = born(toy)
     assert toy.robot_s < 120
     still = toy.lower.copy()
     assert not living.babbling.feel(still[None]).sensation.any()
     pressed = living.babbling.feel(np.array([[0.5, 0.5, 0.4]])).sensation
     assert pressed.any()
-    assert set(calibration.to_arrays()) >= {"threshold", "level", "row"}
+    assert set(baseline.to_arrays()) >= {"threshold", "level", "row"}
 
 
 def test_to_the_start_of_a_motion_it_goes_round_what_is_in_the_way():

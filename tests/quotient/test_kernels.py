@@ -26,7 +26,7 @@ def test_every_row_has_an_equal_chance():
 
 def test_firm_sets_keep_the_stronger_half():
     sets = KernelSets(np.arange(7.0)[:, None], np.array([0, 3, 7]))
-    firm = sets.firm(np.array([1.0, 3.0, 2.0, 9.0, 8.0, 7.0, 8.5]))
+    firm = sets.stronger_half(np.array([1.0, 3.0, 2.0, 9.0, 8.0, 7.0, 8.5]))
     assert firm.offsets.tolist() == [0, 2, 4]
     assert firm.x.ravel().tolist() == [1, 2, 3, 6]
 

@@ -32,7 +32,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from selftouch_drake.geometry import hollow, receptors, surfaces
 from selftouch_drake.robot import SensorModel, SkinModel
 from selftouch_drake.robot.faces import Faces
-from selftouch_drake.systems import AddTactileSkin, RegisterSkin
+from selftouch_drake.systems import RegisterSkin, TactileSkin
 from selftouch_drake.systems.simulation import simulation_of
 
 SURFACES = {
@@ -89,7 +89,7 @@ class TouchRig:
             shape, properties = Sphere(TIP_RADIUS), _rigid(0.01, friction=0.2)
             plant.RegisterCollisionGeometry(tip, RigidTransform(), shape, "tip", properties)
         plant.Finalize()
-        self._touch = AddTactileSkin(builder, plant, scene_graph, [worn])
+        self._touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, [worn])
         self._sensor = SensorModel([worn])
         self._skin_id, self._scene_graph = worn.geometry_id, scene_graph
         self._plant, self._bodies = plant, (covered, *tips)
@@ -283,7 +283,7 @@ class Scale:
         shape, properties = Box(*self.SIZE), _rigid(0.1, friction=0.5)
         plant.RegisterCollisionGeometry(self._block, RigidTransform(), shape, "block", properties)
         plant.Finalize()
-        self._touch = AddTactileSkin(builder, plant, scene_graph, [worn])
+        self._touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, [worn])
         self._source = None
         if plant.num_actuators():
             self._source = builder.AddSystem(
@@ -371,7 +371,7 @@ def test_stacked_heads_feel_what_they_bear():
         plant.AddJoint(rail).set_default_translation(height)
         worn.append(RegisterSkin(plant, _skin(surface, link=name, num_receptors=60)))
     plant.Finalize()
-    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(1.0)
     context = simulator.get_context()

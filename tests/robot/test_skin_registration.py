@@ -17,7 +17,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from selftouch_drake.experiment import Skin
 from selftouch_drake.experiment.schema import SurfaceSettings
-from selftouch_drake.systems import AddModelsAndSkins, AddSkins, AddTactileSkin, TactileSkin
+from selftouch_drake.systems import AddModelsAndSkins, AddSkins, TactileSkin
 
 INERTIA = '<mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 BALL = """<collision><origin xyz="0 0 {z}"/><geometry><sphere radius="0.05"/></geometry>
@@ -59,7 +59,7 @@ class Pair:
         self.worn = AddSkins(plant, scene_graph, skins, **more)
         plant.Finalize()
         inner = builder.builder() if how == "robot_diagram" else builder
-        self.touch = AddTactileSkin(inner, plant, scene_graph, self.worn)
+        self.touch = TactileSkin.AddToBuilder(inner, plant, scene_graph, self.worn)
         self.log = LogVectorOutput(self.touch.GetOutputPort("sensation"), inner)
         self.plant, self.scene_graph, self.diagram = plant, scene_graph, builder.Build()
 
@@ -110,7 +110,7 @@ def test_what_floats_is_felt_by_a_skin_that_is_welded_to_the_world():
     worn = AddSkins(plant, scene_graph, {"fixed": skin})
     plant.SetDefaultFloatingBaseBodyPose(free, RigidTransform([0, 0, 0.145]))
     plant.Finalize()
-    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
     context = builder.Build().CreateDefaultContext()
     assert touch.get_output_port(0).Eval(touch.GetMyContextFromRoot(context)).sum() > 1.0
 
@@ -197,7 +197,7 @@ def test_models_and_skins_come_from_one_file(tmp_path):
     assert worn.link.name() == "upper"
     assert worn.model.fields.num_receptors == 20
     builder.plant().Finalize()
-    touch = AddTactileSkin(builder.builder(), builder.plant(), scene_graph, [worn])
+    touch = TactileSkin.AddToBuilder(builder.builder(), builder.plant(), scene_graph, [worn])
     assert isinstance(touch, TactileSkin)
     assert touch.GetOutputPort("upper_sensation").size() == 20
     # The same file gives skins alone.

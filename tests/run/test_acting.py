@@ -12,7 +12,7 @@ from selftouch_drake.agent import pilot as pilot_module
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.practice import NoWayError
-from selftouch_drake.agent.rehearsal import best, judged_try
+from selftouch_drake.agent.tries import best, judged_try
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import bodies_of, pilot_in
 from selftouch_drake.cli import main
@@ -406,12 +406,12 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
 
 def test_before_practice_the_agent_has_followed_nothing(run, world, monkeypatch):
     agent = load_agent(run, predicts=True)
-    query = pilot_of(agent, world).plan(3, 41)
-    blind = agent.tour([3, 41], q_start=pilot_of(agent, world).start_of(3, 41))
-    np.testing.assert_array_equal(query.unpractised.waypoints_q, blind.waypoints_q)
+    planned = pilot_of(agent, world).plan(3, 41)
+    blind = agent.plan(3, 41, q_start=pilot_of(agent, world).start_of(3, 41))
+    np.testing.assert_array_equal(planned.unpractised.waypoints_q, blind.waypoints_q)
     # Its prediction asks no world: it is what the agent knows from stored touches.
     monkeypatch.setattr(world.probe, "touches", None)
-    motion = pilot_of(agent, world).motion(query.unpractised)
+    motion = pilot_of(agent, world).motion(planned.unpractised)
     expected = agent.predict(blind, motion.s)
     np.testing.assert_array_equal(motion.predicted, expected.sensation)
 

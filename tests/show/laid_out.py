@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.touch_model import TouchModel
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
 from selftouch_drake.evaluation.life import LifeCurves
@@ -230,6 +231,7 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         set_distance=np.where(same, distance, 4.0),
         edge_cost=distance[edges[:, 0], edges[:, 1]],
         embedding=body.positions,
+        kind=EmbeddedRepresentation,
     )
     save_learned(run, representation, body, TouchModel((None,)))
     save_body_model(run, _model_of(run, laid, representation))

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from test_browser import PATIENCE, chromium, visited  # noqa: F401 (a fixture)
 
 from selftouch_drake.show.meshcat.stage import open_meshcat
-from selftouch_drake.systems import AddSkins, AddTactileSkin
+from selftouch_drake.systems import AddSkins, TactileSkin
 from selftouch_drake.systems.skin_visualizer import SkinVisualizer
 
 FALL_S, END_S = 0.15, 0.6
@@ -37,7 +37,7 @@ class Falling:
         skin = {"link": "ball", "surface": surface, "num_receptors": 20}
         worn = AddSkins(plant, scene_graph, {"ball": skin}, visible=False)
         plant.Finalize()
-        self.touch = AddTactileSkin(builder, plant, scene_graph, worn)
+        self.touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
         self.meshcat = open_meshcat()
         self.show = SkinVisualizer.AddToBuilder(builder, plant, worn, self.touch, self.meshcat)
         self.simulator = Simulator(builder.Build())

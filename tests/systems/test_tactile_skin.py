@@ -22,7 +22,7 @@ from pydrake.systems.framework import DiagramBuilder
 from selftouch_drake.geometry import hollow, receptors, surfaces
 from selftouch_drake.robot import SkinModel
 from selftouch_drake.robot.faces import Faces
-from selftouch_drake.systems import AddTactileSkin, RegisterSkin, UnfeltContactWarning
+from selftouch_drake.systems import RegisterSkin, TactileSkin, UnfeltContactWarning
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ class Plant:
         self.plant.Finalize()
 
     def add_skin(self):
-        return AddTactileSkin(self.builder, self.plant, self.scene_graph, [self.worn])
+        return TactileSkin.AddToBuilder(self.builder, self.plant, self.scene_graph, [self.worn])
 
 
 def test_a_plant_with_point_contact_is_refused(skin):
@@ -135,7 +135,7 @@ def test_what_no_experiment_names_is_felt_too(skin):
     body = plant.AddRigidBody("body", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
     worn = RegisterSkin(plant, skin)
     plant.Finalize()
-    touch = AddTactileSkin(builder, plant, scene_graph, [worn])
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, [worn])
     context = builder.Build().CreateDefaultContext()
     pose = RigidTransform([0, 0, 0.09])
     plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), body, pose)
@@ -169,7 +169,7 @@ def test_readings_are_those_of_the_faces_one_by_one(skin, representation):
         bodies["pin"], RigidTransform(), Sphere(0.01), "pin", CoulombFriction(0.5, 0.5)
     )
     plant.Finalize()
-    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    touch = TactileSkin.AddToBuilder(builder, plant, scene_graph, worn)
     context = builder.Build().CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     rng = np.random.default_rng(0)

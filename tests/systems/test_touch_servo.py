@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from selftouch_drake.agent.touch_profile import TouchProfile
+from selftouch_drake.agent.body import TouchProfile
 from selftouch_drake.systems.touch_servo import (
     BANDWIDTH,
     MAX_OFFSET,

@@ -39,6 +39,7 @@ class Found:
         order_group: `(J,)` as in `BodyModel`.
         judgements: of each part.
         seed: of the fit.
+        fixed: `(n,)` bool, parameters of the solution that the fit held.
     """
 
     tree: Tree
@@ -51,6 +52,7 @@ class Found:
     order_group: np.ndarray
     judgements: Mapping[int, Judgement]
     seed: int
+    fixed: np.ndarray
 
 
 def normalizing(place: np.ndarray) -> np.ndarray:
@@ -186,7 +188,7 @@ def dimension(scene: Scene, solution: Solution) -> int:
 def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
     solution = found.solution
-    spread = covariance(found.scene, solution)
+    spread = covariance(found.scene, solution, fixed=found.fixed)
     known = np.flatnonzero(np.isfinite(np.diag(spread)))
     of_twists = known[known < solution.twists.size]
     base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)

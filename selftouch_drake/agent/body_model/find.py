@@ -9,10 +9,19 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.body_model import grow, structure
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
 from selftouch_drake.agent.body_model.chain import adjoint
+from selftouch_drake.agent.body_model.density import limbs
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
 from selftouch_drake.agent.body_model.forest import Body
-from selftouch_drake.agent.body_model.judge import Judgement, held_out, judged
+from selftouch_drake.agent.body_model.judge import (
+    CHOICE,
+    VERDICT,
+    Judgement,
+    Sample,
+    held_out,
+    judged,
+)
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejected
+from selftouch_drake.agent.body_model.planes import in_a_plane
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
@@ -21,7 +30,12 @@ from selftouch_drake.agent.body_model.refine import (
     started,
 )
 from selftouch_drake.agent.body_model.sizes import carried_over, with_sizes
-from selftouch_drake.agent.body_model.structure import Search, found_chains, swap_costs
+from selftouch_drake.agent.body_model.structure import (
+    Search,
+    found_chains,
+    pair_statistic,
+    swap_costs,
+)
 from selftouch_drake.agent.body_model.touchers import with_more
 from selftouch_drake.agent.body_model.tree import Tree
 
@@ -36,6 +50,12 @@ _SLIDES, _SLIDE_COST = 0.2, 0.05
 _OPEN = 0.6
 # Neighbours may change places if that costs less.
 _SWAPS = 0.02
+# Chains that began apart and whose criteria differ by less agree.
+_SAME = 0.1
+# Above this share of inliers one limb made all touches.
+_ONE_LIMB = 0.9
+# A flat chain is taken unless it explains less than the same chain in space, by this share.
+_FLATTER = 0.01
 # More touchers are tried where a single one explains at least this share of held-out touches.
 _HOPE = 0.2
 # Above this share of inliers there is no other toucher to look for.
@@ -168,25 +188,31 @@ class Touches:
 
 def _find(search: Search, touches: Touches, seed: int) -> Found | None:
     """The body of one part by one hand, or else of any tree."""
-    tested = held_out(touches.q, search.random)
+    purpose = held_out(touches.q, search.random)
     parts = sorted(set(touches.part[touches.target].tolist()))
-    chain = None
+    chain, several = None, True
     if len(parts) == 1:
-        chain = _chain_of_part(search, touches, *_split(touches, tested, parts[0]), parts[0])
+        of_part = touches.part[touches.target] == parts[0]
+        train, choice = (np.flatnonzero(of_part & (purpose == use)) for use in (0, CHOICE))
+        chain, group = _chain_of_part(search, touches, train, choice, parts[0])
         if chain is not None and chain.judgement.accepted:
-            return _finished(search, touches, chain, tested, seed)
-    body = grow.grown(search, touches.scene({}), tested, touches.moving)
+            return _finished(search, touches, chain, purpose, seed)
+        # One limb has one chain, which has been looked for; and what one chain does not explain
+        # of two limbs are outliers.
+        several = chain is None or (
+            not chain.judgement.inliers > _ONE_LIMB
+            and len(limbs(*pair_statistic(search.q, group, least=20))) > 1
+        )
+    body = None
+    if several:
+        body = grow.grown(
+            search, touches.scene({}), purpose > 0, touches.moving, hands=chain is not None
+        )
     if body is not None:
-        found = _finished_tree(search, touches, body, tested, seed)
+        found = _finished_tree(search, touches, body, purpose, seed)
         if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
             return found
-    return None if chain is None else _finished(search, touches, chain, tested, seed)
-
-
-def _split(touches: Touches, tested: np.ndarray, part: int) -> tuple[np.ndarray, np.ndarray]:
-    """Training touches and held-out touches of a part."""
-    mine = touches.part[touches.target] == part
-    return np.flatnonzero(mine & ~tested), np.flatnonzero(mine & tested)
+    return None if chain is None else _finished(search, touches, chain, purpose, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,6 +226,7 @@ class _Chain:
         solution: of them.
         judgement: on held-out touches.
         swaps: `(L - 1,)` what it costs that neighbours change places.
+        fixed: `(n,)` bool, parameters that the fit held: those across the plane of a flat chain.
     """
 
     part: int
@@ -208,46 +235,69 @@ class _Chain:
     solution: Solution
     judgement: Judgement
     swaps: np.ndarray
+    fixed: np.ndarray
 
 
-def _better(one: _Chain, other: _Chain) -> bool:
-    return np.nan_to_num(one.judgement.near) > np.nan_to_num(other.judgement.near)
+def _score(judgement: Judgement) -> float:
+    """How far held-out touches agree with a chain, 0 to 1."""
+    return float(np.nan_to_num(judgement.near * min(1.0, 2 * judgement.inliers)))
 
 
 def _chain_of_part(
-    search: Search, touches: Touches, train: np.ndarray, test: np.ndarray, part: int
-) -> _Chain | None:
-    """The best chain of a part: the first one that held-out touches accept, else the nearest."""
+    search: Search, touches: Touches, train: np.ndarray, choice: np.ndarray, part: int
+) -> tuple[_Chain | None, Group]:
+    """The best chain of a part: the first one that held-out touches accept, else the best.
+
+    The search ends when two chains that began apart agree: nothing better was missed by chance.
+    """
     some = np.sort(search.random.permutation(train)[:_SEARCHED])
     group = Group.of(some, touches.target[some])
     if group.num_kernels < 8:
-        return None
-    best = None
+        return None, group
+    best, costs = None, []
     for body in found_chains(search, group, touches.moving):
-        order = structure.order_of(body.ways[0][0])
-        chain = _solved(search, touches, (train, test), body, part)
-        if best is None or _better(chain, best):
-            swaps = swap_costs(search, group, body)
-            best = replace(chain, order=order, swaps=swaps)
-        if best.judgement.accepted:
+        chain = _solved(search, touches, (train, choice), body, part)
+        costs.append(float(body.loss.sum()))
+        value = _score(chain.judgement), -costs[-1]
+        if best is None or value > best[0]:
+            best = value, chain, body
+        if chain.judgement.accepted or _settled(costs):
             break
-    return best
+    if best is None:
+        return None, group
+    _, chain, body = best
+    swaps = swap_costs(search, group, body) if chain.judgement.accepted else chain.swaps
+    return replace(chain, swaps=swaps), group
+
+
+def _settled(costs: list[float]) -> bool:
+    """Whether the two best chains so far, which began apart, reached the same criterion."""
+    best = sorted(costs)[:2]
+    return len(best) == 2 and best[1] - best[0] < _SAME
 
 
 def _solved(
     search: Search, touches: Touches, split: tuple[np.ndarray, np.ndarray], body: Bodies, part: int
 ) -> _Chain:
     """Least squares, further touchers, and the judgement of a chain."""
-    train, test = split
+    train, choice = split
     way = body.ways[0][0]
     all_of_it = touches.scene({(part, 0): way})
     used = np.sort(search.random.permutation(train)[:_REFINED])
-    scene, tests = all_of_it.some(used), all_of_it.some(test)
+    scene, tests = all_of_it.some(used), all_of_it.some(choice)
     solution = refined(scene, started(scene, body.twists[0], body.points[0]), tick=search.tick)
     verdict = judge_part(scene, tests, solution, part)
+    fixed = np.zeros(solution.twists.size + 3, dtype=bool)
+    flat = in_a_plane(scene, solution)
+    if flat is not None:
+        of_flat = judge_part(scene, tests, flat[0], part)
+        # Without a test of both the general chain stays.
+        tested = np.isfinite([of_flat.near, verdict.near]).all()
+        if tested and _score(of_flat) > _score(verdict) - _FLATTER:
+            (solution, fixed), verdict = flat, of_flat
     # A chain may be that of one finger, and take the touches of another for outliers.
     explains_all = verdict.accepted and verdict.inliers > _ALL
-    if not explains_all and np.nan_to_num(verdict.near) > _HOPE:
+    if not explains_all and not fixed.any() and np.nan_to_num(verdict.near) > _HOPE:
         more, more_tests, grown = with_more(
             scene, tests, solution, part, _MOST_TOUCHERS, search.random
         )
@@ -255,8 +305,10 @@ def _solved(
             grown = refined(more, grown, tick=search.tick)
             scene, tests, solution = more, more_tests, grown
             verdict = judge_part(scene, tests, solution, part)
+            fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     order = structure.order_of(way)
-    return _Chain(part, order, scene, solution, verdict, np.full(max(len(order) - 1, 0), np.inf))
+    swaps = np.full(max(len(order) - 1, 0), np.inf)
+    return _Chain(part, order, scene, solution, verdict, swaps, fixed)
 
 
 def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Judgement:
@@ -268,38 +320,49 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
         solution: of the training touches.
         part: which part.
     """
-    rows, test_rows = scene.rows(part), tests.rows(part)
     touchers = scene.touchers(part)
-    Y = solution_places(scene, solution)
-    own = Y[solution.share[rows].argmax(axis=1), rows]
-    own[solution.share[rows].sum(axis=1) < 0.5] = np.nan
-    joints = {joint for u in touchers for joint, _ in scene.ways[part, u]}
-    there = solution_places(tests, solution)[touchers][:, test_rows]
+    joints = np.array(sorted({joint for u in touchers for joint, _ in scene.ways[part, u]}))
+
+    def sample(some: Scene, toucher: np.ndarray) -> Sample:
+        rows = some.rows(part)
+        there = solution_places(some, solution)[touchers][:, rows]
+        return Sample(
+            q=some.q[np.ix_(rows, joints)], target=some.target[rows],
+            places=there.swapaxes(0, 1), toucher=toucher,
+        )  # fmt: skip
+
+    share = solution.share[np.ix_(scene.rows(part), touchers)]
+    who = np.where(share.sum(axis=1) >= 0.5, share.argmax(axis=1), -1)
+    parameters = 6 * len(joints) + 3 * len(touchers)
+    if solution.sizes is not None:
+        parameters += solution.sizes.shape.shape[1] * int(solution.sizes.sized[touchers].sum())
     return judged(
-        own, scene.target[rows], there.swapaxes(0, 1), tests.target[test_rows],
-        parameters=6 * len(joints) + 3 * len(touchers), number=len(scene.part),
+        sample(scene, who), sample(tests, np.full(len(tests.rows(part)), -1)),
+        parameters=parameters, number=len(scene.part),
     )  # fmt: skip
 
 
 def _finished(
-    search: Search, touches: Touches, chain: _Chain, tested: np.ndarray, seed: int
+    search: Search, touches: Touches, chain: _Chain, purpose: np.ndarray, seed: int
 ) -> Found:
     """Kinds of joints, which of them may change places, and who made each touch of all."""
-    solution, kind = _kinds(search, touches, chain.scene, chain.solution)
+    solution, kind, fixed = _kinds(search, touches, chain.scene, chain.solution, chain.fixed)
     number = len(touches.center)
     tree = Tree.chain(chain.order, chain.part, len(solution.points))
     whole = touches.scene(chain.scene.ways)
-    test = whole.some(np.flatnonzero(tested))
-    solution = with_sizes(
-        chain.scene, test, solution, search.random, fixed=_straight(kind), tick=search.tick
-    )
+    choice, test = (whole.some(np.flatnonzero(purpose == use)) for use in (CHOICE, VERDICT))
+    if not chain.fixed.any():
+        # A surface would bulge out of the plane of a flat chain.
+        solution = with_sizes(
+            chain.scene, choice, solution, search.random, fixed=fixed, tick=search.tick
+        )
     verdict = judge_part(chain.scene, test, solution, chain.part)
     groups = order_groups(chain.order, chain.swaps, number)
     final = carried_over(whole, solution)
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups, judgements={chain.part: verdict},
-        seed=seed,
+        seed=seed, fixed=fixed,
     )  # fmt: skip
 
 
@@ -316,15 +379,14 @@ def order_groups(order: list[int], swaps: np.ndarray, number: int) -> np.ndarray
 
 
 def _kinds(
-    search: Search, touches: Touches, scene: Scene, solution: Solution
-) -> tuple[Solution, np.ndarray]:
-    """Which joints slide; they then do not turn at all."""
+    search: Search, touches: Touches, scene: Scene, solution: Solution, fixed: np.ndarray
+) -> tuple[Solution, np.ndarray, np.ndarray]:
+    """Which joints slide, which then do not turn at all; and which parameters are held."""
     used = sorted({joint for way in scene.ways.values() for joint, _ in way})
     kind = np.full(len(touches.center), int(JointKind.UNUSED))
     kind[used] = JointKind.TURNS
     low, high = np.quantile(touches.q, [0.005, 0.995], axis=0)
     turn = np.linalg.norm(solution.twists[:, :3], axis=1) * (high - low)
-    fixed = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     for joint in sorted(used, key=lambda joint: turn[joint]):
         if turn[joint] >= _OPEN:
             continue
@@ -339,18 +401,11 @@ def _kinds(
             cost = np.nanmean(trial.criterion) - np.nanmean(solution.criterion)
             if cost < _SLIDE_COST:
                 kind[joint], solution, fixed = JointKind.SLIDES, trial, trial_fixed
-    return solution, kind
-
-
-def _straight(kind: np.ndarray) -> np.ndarray:
-    """`(6 J,)` bool, the turning of joints that slide: it stays 0."""
-    fixed = np.zeros((len(kind), 6), dtype=bool)
-    fixed[kind == JointKind.SLIDES, :3] = True
-    return fixed.ravel()
+    return solution, kind, fixed
 
 
 def _finished_tree(
-    search: Search, touches: Touches, body: Body, tested: np.ndarray, seed: int
+    search: Search, touches: Touches, body: Body, purpose: np.ndarray, seed: int
 ) -> Found:
     """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch."""
     counts = np.bincount(touches.part[touches.target], minlength=len(touches.part))
@@ -359,20 +414,20 @@ def _finished_tree(
     twists = body.twists.copy()
     twists[body.links.backwards(root)] *= -1
     whole = touches.scene(tree.ways(list(body.pairs)))
-    train = search.random.permutation(np.flatnonzero(~tested))[:_REFINED]
-    scene, tests = whole.some(np.sort(train)), whole.some(np.flatnonzero(tested))
+    train = search.random.permutation(np.flatnonzero(purpose == 0))[:_REFINED]
+    scene = whole.some(np.sort(train))
+    choice, tests = (whole.some(np.flatnonzero(purpose == use)) for use in (CHOICE, VERDICT))
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
-    solution, kind = _kinds(search, touches, scene, solution)
-    solution = with_sizes(
-        scene, tests, solution, search.random, fixed=_straight(kind), tick=search.tick
-    )
+    free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
+    solution, kind, fixed = _kinds(search, touches, scene, solution, free)
+    solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
     final = carried_over(whole, solution)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups,
-        judgements=verdicts, seed=seed,
+        judgements=verdicts, seed=seed, fixed=fixed,
     )  # fmt: skip
 
 

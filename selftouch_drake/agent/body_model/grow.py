@@ -46,7 +46,9 @@ _MOST_NEW = 3
 _TRIES = 3
 
 
-def grown(search: Search, scene: Scene, tested: np.ndarray, moving: list[int]) -> Body | None:
+def grown(
+    search: Search, scene: Scene, tested: np.ndarray, moving: list[int], *, hands: bool = False
+) -> Body | None:
     """One body that explains as many parts as possible; None if no part gives a chain.
 
     Args:
@@ -54,9 +56,10 @@ def grown(search: Search, scene: Scene, tested: np.ndarray, moving: list[int]) -
         scene: all touches; its ways are not read.
         tested: `(R,)` bool, held-out touches: not used.
         moving: joints that move.
+        hands: no part has the chain of one hand alone: it has been looked for.
     """
     grower = _Grower(search, scene, tested, moving)
-    body = grower.seed()
+    body = grower.seed(hands)
     if body is None:
         return None
     while True:
@@ -88,13 +91,20 @@ class _Grower:
         self.chains: dict[int, Bodies] = {}
         self.given_up: set[int] = set()
 
-    def seed(self) -> Body | None:
-        """A tree of one part: the one that a population finds sharpest, by one hand or several."""
+    def seed(self, hands: bool = False) -> Body | None:
+        """A tree of one part: the one that a population finds sharpest, by one hand or several.
+
+        Args:
+            hands: it is several.
+        """
         ripe = [
             p
             for p in self.parts
             if len(self.rows[p]) >= _FEWEST and self.groups[p].num_kernels >= 8
         ]
+        if hands:
+            bodies = (self.of_several_hands(p) for p in ripe[:2])
+            return next((body for body in bodies if body is not None), None)
         probe = {}
         for p in ripe:
             found = population(self.search, self.groups[p], self.holding[p], rounds=2)

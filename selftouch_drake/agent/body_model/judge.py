@@ -1,11 +1,17 @@
 """Whether a body model may be believed: one rule, on touches that no fit has seen.
 
-Held-out touches come in neighbourhoods of motor space, so that a map that only remembers what lies
-beside them gains nothing. A touch is near if it lies nearer to its own kernel's place than
-neighbouring kernels lie to each other. A touch farther than three such distances is an outlier: its
-label is wrong, or another toucher made it. A wrong body does not make outliers; it makes touches
-that are neither near nor far. So what counts is the share of near touches among those that are no
-outliers, and the share of outliers is told beside it.
+A model of joints says where a touch lies; so does a memory that knows no joints, if it has touched
+beside that touch. Only what memory cannot reach proves joints. So each held-out touch is compared
+with those touches of its kernel that are *far* from it in motor space, the farther half: joints
+bring them to one place although their postures differ, and a map that merely remembers does not.
+And a held-out touch whose place a regression without joints finds as well, from all touches that
+are as far from it, proves nothing and is left out.
+
+A touch is near if it lies nearer to its kernel's place than neighbouring kernels lie to each other.
+A touch farther than three such distances is an outlier: its label is wrong, or another toucher made
+it. A wrong body does not make outliers; it makes touches that are neither near nor far. So what
+counts is the share of near touches among those that are no outliers; of these there must be a
+majority, or the share falls with them.
 """
 
 from dataclasses import dataclass
@@ -17,15 +23,21 @@ from selftouch_drake.agent.body_model.refine import kernel_medians
 
 #: A part is accepted above this share of near touches among held-out inliers.
 ACCEPTED = 0.85
-#: Distances between neighbouring kernels beyond which a touch is an outlier, and the largest share
-#: of outliers at which a part is accepted.
-OUTLIER, MOST_OUTLIERS = 3.0, 0.5
+#: Distances between neighbouring kernels beyond which a touch is an outlier.
+OUTLIER = 3.0
 #: Touches of a part for each parameter of its chain.
 TOUCHES_PER_PARAMETER = 3
 #: Held-out touches that a judgement needs.
 FEWEST_HELD_OUT = 20
-# Share of the touches that is held out, at most so many, in so many neighbourhoods.
-_SHARE, _MOST, _NEIGHBOURHOODS = 0.12, 6000, 60
+#: What held-out touches are for: to choose between chains, or for the verdict alone.
+CHOICE, VERDICT = 1, 2
+# Share of the touches that is held out, at least and at most so many, in so many neighbourhoods.
+_SHARE, _MOST_OF_FEW, _ENOUGH, _MOST, _NEIGHBOURHOODS = 0.12, 0.2, 240, 6000, 60
+# Held-out touches that are judged at most, and touches that a memory has: more change nothing but
+# the seconds.
+_JUDGED, _REMEMBERED = 2000, 20_000
+# Touches of a local regression for each of its coefficients, its damping, and touches of a mean.
+_PER_COEFFICIENT, _DAMPING, _IN_MEAN = 3, 1e-3, 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +46,8 @@ class Judgement:
 
     Attributes:
         accepted: whether the part may be believed.
-        near: share of near touches among those that are no outliers; NaN if nothing was tested.
+        near: share of near touches among those that are no outliers and prove something; NaN if
+            nothing was tested.
         inliers: share of touches that are no outliers; NaN likewise.
         criterion: log-determinant of the scatter of inliers within kernels, less that of the total.
         tested: number of held-out touches.
@@ -49,74 +62,174 @@ class Judgement:
     reason: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sample:
+    """Touches of one part, as a model sees them.
+
+    Attributes:
+        q: `(n, J)` standardised readings of the joints between the part and its touchers.
+        target: `(n,)` target sensations.
+        places: `(n, U, 3)` place of each toucher, in the part's frame; NaN where it does not reach.
+        toucher: `(n,)` who touched; -1 for an outlier. Not read of held-out touches.
+    """
+
+    q: np.ndarray
+    target: np.ndarray
+    places: np.ndarray
+    toucher: np.ndarray
+
+    def some(self, rows: np.ndarray) -> "Sample":
+        """Some of the touches."""
+        return Sample(
+            q=self.q[rows], target=self.target[rows], places=self.places[rows],
+            toucher=self.toucher[rows],
+        )  # fmt: skip
+
+    def own_places(self) -> np.ndarray:
+        """`(n, 3)` places of who touched; NaN for outliers."""
+        own = self.places[np.arange(len(self.q)), np.maximum(self.toucher, 0)]
+        return np.where((self.toucher >= 0)[:, None], own, np.nan)
+
+
 def held_out(q: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """`(R,)` bool, touches to hold out: whole neighbourhoods of motor space.
+    """`(R,)` 0, or what a touch is held out for: whole neighbourhoods of motor space.
 
     Args:
         q: `(R, J)` standardised readings.
         random: source of randomness.
     """
-    number = min(int(_SHARE * len(q)), _MOST)
-    chosen = np.zeros(len(q), dtype=bool)
+    few = min(int(_MOST_OF_FEW * len(q)), _ENOUGH)
+    number = min(max(int(_SHARE * len(q)), few), _MOST)
+    purpose = np.zeros(len(q), dtype=np.int8)
     if number < 1:
-        return chosen
+        return purpose
     size = -(-number // _NEIGHBOURHOODS)
     centers = q[random.permutation(len(q))[: -(-number // size)]]
     # Near the centre among a share of all touches: a neighbourhood keeps its size as touches grow.
-    near = cKDTree(q).query(centers, k=size)[1]
-    chosen[np.ravel(near)] = True
-    return chosen
+    near = cKDTree(q).query(centers, k=size)[1].reshape(len(centers), size)
+    # One neighbourhood in three is for the choice; what it shares with others, for the verdict.
+    purpose[near[0::3].ravel()] = CHOICE
+    purpose[near[1::3].ravel()] = VERDICT
+    purpose[near[2::3].ravel()] = VERDICT
+    return purpose
 
 
-def judged(
-    places: np.ndarray,
-    target: np.ndarray,
-    test_places: np.ndarray,
-    test_target: np.ndarray,
-    *,
-    parameters: int,
-    number: int,
-) -> Judgement:
+def judged(train: Sample, test: Sample, *, parameters: int, number: int) -> Judgement:
     """Judges one part.
 
     Args:
-        places: `(n, 3)` places of training touches; NaN for outliers.
-        target: `(n,)` their target sensations.
-        test_places: `(m, U, 3)` places of held-out touches for each toucher that reaches the part.
-        test_target: `(m,)` theirs.
+        train: touches of the fit.
+        test: held-out touches.
         parameters: of the chains to this part.
         number: of target sensations.
     """
-    middle = kernel_medians(places, target, number, least=3)
+    own = train.own_places()
+    middle = kernel_medians(own, train.target, number, least=3)
     known = np.flatnonzero(np.isfinite(middle).all(axis=1))
-    tested = np.isfinite(middle[test_target]).all(axis=1)
-    few = _too_few(len(target), parameters, int(tested.sum()), len(known))
+    rows = np.flatnonzero(np.isfinite(middle[test.target]).all(axis=1))
+    test = test.some(rows[:: max(1, -(-len(rows) // _JUDGED))])
+    few = _too_few(len(train.q), parameters, len(test.q), len(known))
     if few:
-        return Judgement(
-            accepted=False, near=np.nan, inliers=np.nan, criterion=np.nan,
-            tested=int(tested.sum()), reason=few,
-        )  # fmt: skip
+        return _unproven(few, len(test.q))
     apart = float(np.median(cKDTree(middle[known]).query(middle[known], k=2)[0][:, 1]))
-    away = test_places[tested] - middle[test_target[tested]][:, None]
-    distance = np.linalg.norm(away, axis=2)
-    best = np.nan_to_num(distance, nan=np.inf).argmin(axis=1)
-    rows = np.arange(len(best))
-    distance = distance[rows, best] / apart
+    radius, there = distant(train, own, test)
+    away = test.places - there[:, None]
+    distance = np.nan_to_num(np.linalg.norm(away, axis=2), nan=np.inf)
+    best = distance.argmin(axis=1)
+    each = np.arange(len(best))
+    distance, away = distance[each, best] / apart, away[each, best]
     inlier = distance < OUTLIER
-    near = float((distance < 1).sum() / max(inlier.sum(), 1))
     inliers = float(inlier.mean())
-    accepted = near > ACCEPTED and inliers > 1 - MOST_OUTLIERS
+    places = remembered(train, middle, test, radius)
+    off = np.linalg.norm(places - middle[test.target], axis=2) / apart
+    proves = inlier & (off > 1).all(axis=0)
+    if inliers > 0.5 and proves.sum() < FEWEST_HELD_OUT:
+        return _unproven(
+            f"a regression that knows no joints places all but {proves.sum()} of {inlier.sum()} "
+            f"held-out touches as well: they prove nothing ({FEWEST_HELD_OUT} needed that do)",
+            len(each),
+        )
+    near = float((distance[proves] < 1).sum() / max(proves.sum(), 1))
     return Judgement(
-        accepted=accepted,
+        accepted=near * min(1.0, 2 * inliers) > ACCEPTED,
         near=near,
         inliers=inliers,
-        criterion=_criterion(away[rows, best][inlier], test_places[tested][rows, best][inlier]),
-        tested=len(rows),
+        criterion=_criterion(away[inlier], test.places[each, best][inlier]),
+        tested=len(each),
         reason=(
-            f"{near:.1%} of {inlier.sum()} held-out touches lie nearer to their own kernel than "
-            f"kernels lie to each other ({ACCEPTED:.0%} needed), {1 - inliers:.1%} are outliers "
-            f"({MOST_OUTLIERS:.0%} allowed)"
+            f"{near:.1%} of {proves.sum()} held-out touches lie nearer to their own kernel than "
+            f"kernels lie to each other ({ACCEPTED:.0%} needed), {1 - inliers:.1%} of "
+            f"{len(each)} are outliers (fewer than half needed)"
         ),
+    )
+
+
+def distant(train: Sample, own: np.ndarray, test: Sample) -> tuple[np.ndarray, np.ndarray]:
+    """The place of each held-out touch's kernel, from postures far from its own.
+
+    Args:
+        train: touches of the fit.
+        own: `(n, 3)` their places; NaN for outliers.
+        test: m held-out touches of kernels that training touches met.
+
+    Returns:
+        `(m,)` the median distance, in motor space, to touches of the same kernel; and `(m, 3)` the
+        median of the places of those beyond, NaN if most of these are outliers.
+    """
+    order = np.argsort(train.target, kind="stable")
+    bounds = np.searchsorted(train.target[order], [test.target, test.target + 1])
+    radius, place = np.zeros(len(test.q)), np.full((len(test.q), 3), np.nan)
+    for kernel in np.unique(test.target):
+        here = np.flatnonzero(test.target == kernel)
+        rows = order[bounds[0, here[0]] : bounds[1, here[0]]]
+        apart = np.linalg.norm(test.q[here, None] - train.q[rows][None], axis=2)
+        radius[here] = np.median(apart, axis=1)
+        for touch, from_it in zip(here, apart, strict=True):
+            beyond = own[rows[from_it >= radius[touch]]]
+            explained = beyond[np.isfinite(beyond[:, 0])]
+            if 2 * len(explained) > len(beyond):
+                place[touch] = np.median(explained, axis=0)
+    return radius, place
+
+
+def remembered(train: Sample, middle: np.ndarray, test: Sample, radius: np.ndarray) -> np.ndarray:
+    """Places of held-out touches from touches beside them, by regressions that know no joints.
+
+    Args:
+        train: touches of the fit.
+        middle: `(K, 3)` places of kernels, all that a memory knows of a touch; NaN where unknown.
+        test: m held-out touches.
+        radius: `(m,)` in motor space; touches within it are not remembered.
+
+    Returns:
+        `(2, m, 3)` places by a mean of neighbours, and by a local linear regression.
+    """
+    kept = np.flatnonzero(np.isfinite(middle[train.target]).all(axis=1))
+    kept = kept[:: max(1, -(-len(kept) // _REMEMBERED))]
+    q, place = train.q[kept], middle[train.target[kept]]
+    width = q.shape[1] + 1
+    number = min(_PER_COEFFICIENT * width, len(q))
+    found = np.empty((2, len(test.q), 3))
+    lengths = (q**2).sum(axis=1)
+    penalty = _DAMPING * number * np.diag([0.0] + [1.0] * (width - 1))
+    for start in range(0, len(test.q), 250):
+        some = slice(start, min(start + 250, len(test.q)))
+        mine = test.q[some]
+        square = (mine**2).sum(axis=1)[:, None] + lengths - 2 * mine @ q.T
+        square[square < radius[some, None] ** 2] = np.inf
+        near = np.argpartition(square, number - 1, axis=1)[:, :number]
+        nearest = np.argsort(np.take_along_axis(square, near, axis=1), axis=1)[:, :_IN_MEAN]
+        found[0, some] = place[np.take_along_axis(near, nearest, axis=1)].mean(axis=1)
+        ones = np.ones((*near.shape, 1))
+        A = np.concatenate([ones, q[near] - mine[:, None]], axis=2)
+        transposed = A.swapaxes(1, 2)
+        found[1, some] = np.linalg.solve(transposed @ A + penalty, transposed @ place[near])[:, 0]
+    return found
+
+
+def _unproven(reason: str, tested: int) -> Judgement:
+    return Judgement(
+        accepted=False, near=np.nan, inliers=np.nan, criterion=np.nan, tested=tested, reason=reason
     )
 
 

@@ -18,21 +18,11 @@ lie. What is summed in double precision keeps the order of the code.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
-_OPTIONS: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "no_cfunc_wrapper": True,
-}
-_SUMS: Any = {"reassoc", "contract", "nsz", "arcp"}
-_compiled = numba.njit(**_OPTIONS)
-_inner = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}))
-_in_any_order = numba.njit(**(_OPTIONS | {"no_cpython_wrapper": True}), fastmath=_SUMS)
+from selftouch_drake.compiled import compiled, inner, inner_in_any_order
 
 F, U = np.float32, np.uint64
 #: Rows of a tile; draws are padded to a multiple.
@@ -92,7 +82,7 @@ class Draws(NamedTuple):
     weight: np.ndarray
 
 
-@_in_any_order
+@inner_in_any_order
 def _forward(room, at, out, read, sign, twist):
     """Moves the points of one tile by one joint: from `at` to `out`, keeping a1 and a2 at `out`."""
     w0, w1, w2 = F(twist[0]), F(twist[1]), F(twist[2])
@@ -137,7 +127,7 @@ def _forward(room, at, out, read, sign, twist):
         room[out + U(2 * TILE) + i] = z + t * u2 + a1 * c2 + a2 * (w0 * c1 - w1 * c0)
 
 
-@_in_any_order
+@inner_in_any_order
 def _backward(room, slopes, at, out, read, sign, twist, gradient):
     """Carries `dL/dplace` of one tile, at `slopes`, back from `out` to `at`; adds to `gradient`."""
     w0, w1, w2 = F(twist[0]), F(twist[1]), F(twist[2])
@@ -194,7 +184,7 @@ def _backward(room, slopes, at, out, read, sign, twist, gradient):
     gradient[5] += e2
 
 
-@_inner
+@inner
 def invert(S, inverse):
     """Inverse of a symmetric `(3, 3)`; returns the logarithm of its determinant."""
     a, b, c, d, e, f = S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2]
@@ -208,21 +198,28 @@ def invert(S, inverse):
     return math.log(determinant)
 
 
-@_inner
-def _scatter(x, weights, means, num_kernels, members, S):
-    """Weighted means of kernels, and the weighted scatter around them."""
-    count = num_kernels * members
-    S[:] = 0.0
+@inner
+def _means(x, weights, means, num_kernels, members):
+    """Weighted means of kernels."""
     for kernel in range(num_kernels):
-        total, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0
+        m0, m1, m2, total = 0.0, 0.0, 0.0, 0.0
         for i in range(kernel * members, (kernel + 1) * members):
             u = weights[i]
             total += u
             m0 += u * x[0, i]
             m1 += u * x[1, i]
             m2 += u * x[2, i]
-        m0, m1, m2 = m0 / total, m1 / total, m2 / total
-        means[kernel, 0], means[kernel, 1], means[kernel, 2] = m0, m1, m2
+        means[kernel, 0], means[kernel, 1], means[kernel, 2] = m0 / total, m1 / total, m2 / total
+
+
+@inner
+def _scatter(x, weights, means, num_kernels, members, S):
+    """Weighted means of kernels, and the weighted scatter around them."""
+    count = num_kernels * members
+    S[:] = 0.0
+    _means(x, weights, means, num_kernels, members)
+    for kernel in range(num_kernels):
+        m0, m1, m2 = means[kernel, 0], means[kernel, 1], means[kernel, 2]
         for i in range(kernel * members, (kernel + 1) * members):
             r0, r1, r2, u = x[0, i] - m0, x[1, i] - m1, x[2, i] - m2, weights[i]
             S[0, 0] += u * r0 * r0
@@ -238,7 +235,7 @@ def _scatter(x, weights, means, num_kernels, members, S):
             S[b, a] = S[a, b]
 
 
-@_inner
+@inner
 def _reweighed(x, weights, means, inverse, num_kernels, members, tail):
     """Weights of a Student distribution; returns the mean of its logarithms."""
     total = 0.0
@@ -257,7 +254,7 @@ def _reweighed(x, weights, means, inverse, num_kernels, members, tail):
     return (tail + 3) * total / (num_kernels * members)
 
 
-@_inner
+@inner
 def _spread(x, weights, count, center, S):
     """Weighted mean and scatter of all places."""
     total = 0.0
@@ -285,7 +282,7 @@ def _spread(x, weights, count, center, S):
     return total
 
 
-@_inner
+@inner
 def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, factor, work):
     """The criterion of one group, and its gradient by the places.
 
@@ -353,20 +350,7 @@ def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, fa
     return log_within + far - log_total
 
 
-@_inner
-def _means(x, weights, means, num_kernels, members):
-    for kernel in range(num_kernels):
-        m0, m1, m2, total = 0.0, 0.0, 0.0, 0.0
-        for i in range(kernel * members, (kernel + 1) * members):
-            u = weights[i]
-            total += u
-            m0 += u * x[0, i]
-            m1 += u * x[1, i]
-            m2 += u * x[2, i]
-        means[kernel, 0], means[kernel, 1], means[kernel, 2] = m0 / total, m1 / total, m2 / total
-
-
-@_inner
+@inner
 def _descend(value, slope, mean, square, rate, step):
     """One step of Adam on flat arrays."""
     c1, c2 = 1 - _BETA1 ** (step + 1), 1 - _BETA2 ** (step + 1)
@@ -376,7 +360,7 @@ def _descend(value, slope, mean, square, rate, step):
         value[i] -= rate * (mean[i] / c1) / (math.sqrt(square[i] / c2) + _TINY)
 
 
-@_compiled
+@compiled
 def descend(draws, ways, twists, points, rate, tail):
     """Adam with cosine decay, each member for itself, all on the same draws.
 
@@ -420,6 +404,7 @@ def descend(draws, ways, twists, points, rate, tail):
             by_point[:] = 0
             for group in range(num_groups):
                 length, toucher = ways.length[b, group], ways.toucher[group]
+                of_group = of_readings + U(group * num_joints * num_rows)
                 for tile in range(num_tiles):
                     at = U(tile) * stride
                     tip = at + U(length) * _KEPT
@@ -429,9 +414,7 @@ def descend(draws, ways, twists, points, rate, tail):
                             room[tip + U(axis * TILE) + i] = p
                     for k in range(length - 1, -1, -1):
                         joint = ways.joint[b, group, k]
-                        read = of_readings + U(
-                            (group * num_joints + joint) * num_rows + tile * TILE
-                        )
+                        read = of_group + U(joint * num_rows + tile * TILE)
                         _forward(
                             room, at + U(k + 1) * _KEPT, at + U(k) * _KEPT, read,
                             F(ways.sign[b, group, k]), twists[b, joint],
@@ -457,9 +440,7 @@ def descend(draws, ways, twists, points, rate, tail):
                             room[tile_slopes + U(axis * TILE) + i] = slope
                     for k in range(length):
                         joint = ways.joint[b, group, k]
-                        read = of_readings + U(
-                            (group * num_joints + joint) * num_rows + tile * TILE
-                        )
+                        read = of_group + U(joint * num_rows + tile * TILE)
                         _backward(
                             room, tile_slopes, at + U(k + 1) * _KEPT, at + U(k) * _KEPT, read,
                             F(ways.sign[b, group, k]), twists[b, joint], by_twist[joint],

@@ -26,6 +26,8 @@ from selftouch_drake.agent.body_model.support import (
 
 # Neighbouring kernels that give a kernel's normal.
 _NEIGHBOURS = 8
+# Places lie in a plane if they spread by less across it, relative to their longest spread.
+_FLAT = 1e-6
 # Damping of the Gauss-Newton steps, relative to the largest eigenvalue, and how often it grows.
 _DAMPING, _MOST_TRIES = 1e-7, 6
 # A share of outliers is believed to be at least this large.
@@ -226,7 +228,10 @@ def normals(place: np.ndarray, part: np.ndarray) -> np.ndarray:
         ]
         around = place[kernels][near]
         around = around - around.mean(axis=1, keepdims=True)
-        found[kernels] = np.linalg.svd(around, full_matrices=False)[2][:, 2]
+        size = np.linalg.svd(place[kernels] - place[kernels].mean(axis=0), compute_uv=False)
+        # In a plane the skin is a line, and its normal lies in the plane.
+        flat = size[2] < _FLAT * size[0]
+        found[kernels] = np.linalg.svd(around, full_matrices=False)[2][:, 1 if flat else 2]
     return found
 
 
@@ -348,7 +353,9 @@ def probabilities(
     frequency = solution.frequency[part][touchers]
     outliers = max(1 - frequency.sum(), _FEWEST_OUTLIERS)
     known = Y.reshape(-1, 3)
-    spread = np.linalg.slogdet(np.cov(known[np.isfinite(known).all(axis=1)].T))[1]
+    # Outliers spread at least as noise does: a chain in a plane spreads in two dimensions only.
+    noise = max(sigma[0] ** 2, 1e-12) * np.eye(3)
+    spread = np.linalg.slogdet(np.cov(known[np.isfinite(known).all(axis=1)].T) + noise)[1]
     # One of n touches pulls the mean of n towards itself.
     pull = 1.0 if weight is None else np.maximum(weight[target], 1.0)
     lone = 1.0 if weight is None else pull / np.maximum(pull - 1, 0.2)
@@ -546,6 +553,11 @@ def with_skin_of_now(scene: Scene, solution: Solution) -> Solution:
     return expected(scene, replace(solution, sizes=sizes), rounds=1)
 
 
+def held(fixed: np.ndarray, number: int) -> np.ndarray:
+    """`(number,)` bool, parameters that stay: `fixed` tells the first, the others are free."""
+    return np.concatenate([fixed, np.zeros(number - len(fixed), dtype=bool)])
+
+
 def refined(
     scene: Scene,
     solution: Solution,
@@ -571,7 +583,9 @@ def refined(
         before = _mean_criterion(scene, solution)
         free = np.flatnonzero(np.abs(np.diag(found.hessian)) > 0)
         if fixed is not None:
-            free = free[~np.isin(free, np.flatnonzero(fixed))]
+            free = free[~held(fixed, len(found.gradient))[free]]
+        if len(free) == 0:
+            break  # All touches are outliers.
         values, vectors = np.linalg.eigh(found.hessian[np.ix_(free, free)])
         along = vectors.T @ found.gradient[free]
         for _ in range(_MOST_TRIES):
@@ -621,21 +635,55 @@ def gauge(solution: Solution) -> np.ndarray:
     return np.linalg.qr(np.stack(columns, axis=1))[0]
 
 
-def covariance(scene: Scene, solution: Solution) -> np.ndarray:
-    """`(n, n)` covariance of the parameters, without the directions of the gauge.
+def covariance(scene: Scene, solution: Solution, *, fixed: np.ndarray | None = None) -> np.ndarray:
+    """`(n, n)` mean squared errors of the parameters, without the directions of the gauge.
 
-    The sandwich estimate, clustered by kernels: residuals of one kernel depend on each other.
+    Two errors add up. That of chance is the sandwich estimate, clustered by kernels: residuals of
+    one kernel depend on each other. The other does not shrink with more touches: kernels have a
+    size, and a map that is bent a little makes them smaller. The model itself tells how much:
+    touches are given to the kernels whose places they lie at, as if the model were true, and what
+    another step of the fit would then change is the error.
     Parameters that nothing depends on have NaN.
+
+    Args:
+        scene: touches.
+        solution: of them.
+        fixed: `(m,)` bool, of the first m parameters those that the fit held: the turning of a
+            slide. They have NaN.
     """
     found = equations(scene, solution)
     size = len(found.gradient)
-    free = np.flatnonzero(np.diag(found.hessian) > 0)
+    known = np.diag(found.hessian) > 0
+    free = np.flatnonzero(known if fixed is None else known & ~held(fixed, size))
     basis = gauge(solution)[free]
     values, vectors = np.linalg.eigh(np.eye(len(free)) - basis @ np.linalg.pinv(basis))
     rest = vectors[:, values > 0.5]
     inverse = np.linalg.pinv(rest.T @ found.hessian[np.ix_(free, free)] @ rest, rcond=1e-12)
     scores = (found.scores[:, free] - found.gradient[free] / len(found.scores)) @ rest
-    inner = rest @ (inverse @ (scores.T @ scores) @ inverse) @ rest.T
+    Y = solution_places(scene, solution)
+    again = as_if_true(scene, solution, Y)
+    slope = equations(again, settled(again, solution, Y)).gradient[free] @ rest
+    inner = rest @ (inverse @ (scores.T @ scores + np.outer(slope, slope)) @ inverse) @ rest.T
     result = np.full((size, size), np.nan)
     result[np.ix_(free, free)] = inner
     return result
+
+
+def as_if_true(scene: Scene, solution: Solution, Y: np.ndarray) -> Scene:
+    """The scene with each touch given to the kernel whose place it lies at; outliers stay.
+
+    Args:
+        scene: touches.
+        solution: of them.
+        Y: `(U, R, 3)` their places.
+    """
+    target = scene.target.copy()
+    for part in scene.parts:
+        rows = scene.rows(part)
+        rows = rows[solution.share[rows].sum(axis=1) > 0.5]
+        kernels = np.flatnonzero((scene.part == part) & np.isfinite(solution.place).all(axis=1))
+        if len(rows) == 0 or len(kernels) == 0:
+            continue
+        own = Y[solution.share[rows].argmax(axis=1), rows]
+        target[rows] = kernels[cKDTree(solution.place[kernels]).query(own)[1]]
+    return replace(scene, target=target)

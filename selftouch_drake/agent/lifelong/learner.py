@@ -153,7 +153,7 @@ class OnlineLearner:
 
     @property
     def representation(self) -> QuotientRepresentation:
-        """The representation learned so far, of the offline learner's type, without embedding.
+        """The representation learned so far, of the offline learner's type.
 
         Raises:
             ValueError: there were too few touches.

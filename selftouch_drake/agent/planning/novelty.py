@@ -48,13 +48,13 @@ class Recorded:
         """How far a plan strays: the 95th percentile along its path, in typical distances."""
         return float(np.quantile(self.strays(plan), 0.95))
 
-    def surest(self, targets: Sequence[int], tour: Callable[..., Plan]) -> list[Plan]:
+    def surest(self, targets: Sequence[int], plan: Callable[..., Plan]) -> list[Plan]:
         """Plans from typical firm touches of the first target; that which strays least comes first.
 
-        A plan may begin where its way is best known: `tour` makes it, as `Agent.tour` does.
+        A plan may begin where its way is best known: `plan` makes it, as `Agent.plan` does.
         """
         known = self._representation
         rows = goal_members(known, targets[0])
         typical = rows[np.argsort(known.kernel_error[rows], kind="stable")[:_NUM_STARTS]]
-        plans = [tour(targets, q_start=known.kernel_q[row].astype(float)) for row in typical]
-        return sorted(plans, key=lambda plan: float(np.sum(self.strays(plan) ** _POWER)))
+        plans = [plan(*targets, q_start=known.kernel_q[row].astype(float)) for row in typical]
+        return sorted(plans, key=lambda one: float(np.sum(self.strays(one) ** _POWER)))

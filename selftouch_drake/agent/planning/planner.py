@@ -15,7 +15,7 @@ from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.links import leap_penalty, link_lengths
-from selftouch_drake.quotient.plan import Limits, through
+from selftouch_drake.quotient.plan import Limits, path_through
 from selftouch_drake.quotient.route import Query, RouteGraph, carried_route
 from selftouch_drake.quotient.smooth import KNOT_SPACING
 
@@ -143,16 +143,12 @@ class Planner:
             way.move(way.nodes[0], out_of_the_way, joints, in_air=False)
         for goal in goals:
             # Where the previous leg ends decides the route of this one.
-            if here != goal:
-                if lift_off:
-                    # Through the air to the nearest touch of the goal.
-                    at = self._nearest(way.end, goal_members(self.representation, goal), memory)
-                    here, mode = goal, int(self.representation.kernel_mode[at])
-                    way.move(goal, self._rows_x[at].astype(float), self._joints(mode), in_air=True)
-                elif (
-                    here is None or mode == NO_MODE or not self._modes[mode].graph.joins(here, goal)
-                ):
-                    here, mode = self._land(way, goal, mode, memory)
+            if here == goal:
+                continue
+            if lift_off:
+                here, mode = self._lift_off(way, goal, memory)
+            elif here is None or not self._joins(here, goal, mode):
+                here, mode = self._land(way, goal, mode, memory)
             if here != goal:
                 self._follow_links(way, here, goal, mode, memory)
             here = goal
@@ -177,6 +173,17 @@ class Planner:
         off = np.square(self.representation.scaled(self.representation.kernel_q[members]) - x)
         nearest = [off[modes == m][:, self._modes[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
+
+    def _joins(self, here: int, goal: int, mode: int) -> bool:
+        """Whether links of a mode, if it is known, lead from one kernel to the goal."""
+        return mode != NO_MODE and self._modes[mode].graph.joins(here, goal)
+
+    def _lift_off(self, way: Waypoints, goal: int, memory: RehearsalMemory) -> tuple[int, int]:
+        """Moves through the air to the nearest touch of the goal; returns the goal and its mode."""
+        at = self._nearest(way.end, goal_members(self.representation, goal), memory)
+        mode = int(self.representation.kernel_mode[at])
+        way.move(goal, self._rows_x[at].astype(float), self._joints(mode), in_air=True)
+        return goal, mode
 
     def _land(
         self, way: Waypoints, goal: int, mode: int, memory: RehearsalMemory
@@ -239,7 +246,7 @@ class Planner:
         if limits is not None:
             slides = slides.within(lower, upper)
         passed = way.passed(slides, self.touch_model, (lower, upper))
-        found = through(
+        found = path_through(
             passed.nodes,
             passed.waypoints_x,
             q_start,

@@ -68,7 +68,7 @@ def time_path(
     cubic pieces between the samples that the joints follow, the whole motion is slowed down.
 
     Args:
-        path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
+        path: clamped B-spline of `(J,)` rad or m over scaled path length in mu.
         velocity_limit: `(J,)` rad/s or m/s, the largest speed of each joint.
         acceleration_limit: `(J,)` rad/s^2 or m/s^2, likewise.
         rate_hz: Hz, rate of the samples.

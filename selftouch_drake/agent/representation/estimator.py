@@ -21,7 +21,7 @@ class QuotientLearner(BaseEstimator):
     from.
 
     Attributes:
-        representation_: the `QuotientRepresentation`, not embedded yet.
+        representation_: the `QuotientRepresentation`.
         target_sensations_: `(K, S)` unit L2 norm.
         n_features_in_: S, number of receptors.
         feature_names_in_: `(S,)` names of the receptors, if the sensations have any.

@@ -1,9 +1,11 @@
 """The quotient graph for other tools."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.quotient import graph as quotient_graph
 
@@ -14,9 +16,12 @@ if TYPE_CHECKING:
 def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> "nx.Graph":
     """The quotient graph as a networkx graph, as of `quotient.graph.to_networkx`.
 
-    Nodes also have the attributes `part` and `position`, `(3,)` in the embedding of their part.
+    Nodes also have the attribute `part` and, of a representation with an embedding, `position`,
+    `(3,)` in the embedding of their part.
     """
-    nodes = {"part": representation.part.tolist(), "position": representation.embedding}
+    nodes: dict[str, Sequence[Any]] = {"part": representation.part.tolist()}
+    if isinstance(representation, EmbeddedRepresentation):
+        nodes["position"] = list(representation.embedding)
     return quotient_graph.to_networkx(representation, complete=complete, nodes=nodes)
 
 

@@ -23,7 +23,7 @@ class Learned:
     """What was learned from experience.
 
     Attributes:
-        representation: not embedded yet.
+        representation: the quotient, and what the agent found beside it.
         component: `(K,)` the component of the quotient graph of each kernel before bridges were
             added; 0 is the largest.
         bridges: `(B, 2)` pairs of kernels i < j, the edges that join components of one part.
@@ -153,7 +153,6 @@ def represented(
         set_distance=distance,
         edges=graph.edges,
         edge_cost=graph.cost,
-        embedding=np.full((len(found.targets), 3), np.nan),
         num_touches=found.num_touches,
         num_set_aside=found.num_set_aside,
     )

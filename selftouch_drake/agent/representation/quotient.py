@@ -1,5 +1,6 @@
 """What the agent keeps from its experience: the quotient, and what it found beside it."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -30,23 +31,22 @@ class QuotientRepresentation(Representation, Record):
             `touches.Together`.
         part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels. Edges
             join kernels of one part.
-        embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
-            and unit of that part; NaN in fragments, and where no body was recovered. See
-            `RecoveredBody.embed`.
         num_set_aside: touches of several places at once that were excluded; see `Together.places`.
 
     Raises:
         ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
     """
 
-    by_row: ClassVar[tuple[str, ...]] = (*Representation.by_row, "kernel_mode")
-    by_kernel: ClassVar[tuple[str, ...]] = (*Representation.by_kernel, "embedding")
+    #: Fields that hold one entry for each stored configuration, and for each kernel.
+    by_row: ClassVar[tuple[str, ...]] = (
+        *("kernel_q", "kernel_row", "kernel_strength", "kernel_error", "kernel_mode"),
+    )
+    by_kernel: ClassVar[tuple[str, ...]] = ("target_sensations",)
 
     kernel_mode: np.ndarray
     mode_joints: np.ndarray
     overlap: np.ndarray
     part: np.ndarray
-    embedding: np.ndarray
     num_set_aside: int = 0
 
     def __post_init__(self) -> None:
@@ -58,7 +58,6 @@ class QuotientRepresentation(Representation, Record):
                 "kernel_mode": (self.num_rows,),
                 "overlap": (num_receptors, num_receptors),
                 "part": (num_kernels,),
-                "embedding": (num_kernels, 3),
             }
         )
         num_modes = len(self.mode_joints)
@@ -100,8 +99,23 @@ class QuotientRepresentation(Representation, Record):
         """The representation of some of the kernels, `(n,)` ascending."""
         if len(kernels) == self.num_targets:
             return self
+        rows = np.concatenate([np.arange(self.num_rows)[self.members(k)] for k in kernels])
+        place = np.full(self.num_targets, -1)
+        place[kernels] = np.arange(len(kernels))
+        kept = (place[self.edges] >= 0).all(axis=1)
         _, part = np.unique(self.part[kernels], return_inverse=True)
-        return self._with_kernels(kernels, part=part)
+        of_rows = {name: getattr(self, name)[rows] for name in self.by_row}
+        of_kernels = {name: getattr(self, name)[kernels] for name in self.by_kernel}
+        return dataclasses.replace(
+            self,
+            kernel_offsets=np.cumsum([0, *np.diff(self.kernel_offsets)[kernels]]),
+            set_distance=self.set_distance[np.ix_(kernels, kernels)],
+            edges=place[self.edges[kept]],
+            edge_cost=self.edge_cost[kept],
+            part=part,
+            **of_rows,
+            **of_kernels,
+        )
 
 
 def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:

@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from selftouch_drake.agent.clusters import clusters
+from selftouch_drake.agent.shape.rings import one_ring
 from selftouch_drake.quotient.graph import neighbour_edges
 from selftouch_drake.quotient.kernels import KernelSets
-from selftouch_drake.quotient.paths import one_ring
 
 #: Share of a cell's configurations that are dropped as outliers: those farthest from its centre.
 _STRAYS = 0.1

@@ -15,6 +15,7 @@ from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
 from selftouch_drake.agent.shape.fields import corrected_lengths
 from selftouch_drake.agent.shape.overlaps import overlap_lengths
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
+from selftouch_drake.agent.shape.rings import one_ring
 from selftouch_drake.quotient import lengths
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
 from selftouch_drake.quotient.kernels import KernelSets
@@ -26,7 +27,7 @@ from selftouch_drake.quotient.layout import (
     stress_embedding,
 )
 from selftouch_drake.quotient.lengths import BodyGraph
-from selftouch_drake.quotient.paths import locally_scaled, one_ring
+from selftouch_drake.quotient.paths import locally_scaled
 from selftouch_drake.quotient.sensations import angles, unlike
 
 Progress = Callable[[float], None]

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.special import expit
 
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
+from selftouch_drake.agent.shape.rings import one_ring
 from selftouch_drake.quotient.graph import neighbour_edges
 from selftouch_drake.quotient.layout import classical_embedding
-from selftouch_drake.quotient.paths import component_labels, geodesics, one_ring
+from selftouch_drake.quotient.paths import component_labels, geodesics
 
 #: Most receptors that feel one touch. If each adds the same to the square of its strength, squares
 #: have at most so many steps. Of forces there are many more.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation, embedded
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, DoubtedGraph
 from selftouch_drake.quotient.body import Shape, laid_out, measured, skin_of
@@ -104,9 +105,9 @@ class RecoveredBody:
         margins = [0.0 if part.topology is None else part.topology.margin for part in self.parts]
         return trusted(self.expected_error, min(margins))
 
-    def embed(self, representation: QuotientRepresentation) -> QuotientRepresentation:
-        """Fills the `embedding` of the representation that the body was recovered from."""
-        return dataclasses.replace(representation, embedding=self.positions)
+    def embed(self, representation: QuotientRepresentation) -> EmbeddedRepresentation:
+        """The representation that the body was recovered from, with these positions beside it."""
+        return embedded(representation, self.positions)
 
     def warn_of_misfit(self) -> None:
         """Warns about each part whose distances do not fit in three dimensions.

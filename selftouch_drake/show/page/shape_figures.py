@@ -184,7 +184,7 @@ def quotient_graph(data: RunData) -> Figure:
     figure.colorbar(
         ScalarMappable(norm, AMOUNT),
         ax=figure.axes,
-        label="cost of an edge (rad)",
+        label="cost of an edge (mu)",
         shrink=0.7,
         extend="both",
     )

@@ -9,7 +9,7 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.model import JointKind
 
-NAMES = ["d", "c", "b", "a"]
+NAMES = ["d", "c", "b", "a", "e"]
 
 
 def found(q, target, kernels=150, **more):
@@ -33,6 +33,10 @@ def test_a_chain_of_unknown_order_and_units_is_found():
     turns = np.linalg.norm(model.twists[:, :3], axis=1)
     assert turns == pytest.approx(1 / np.abs(unit), rel=0.02)
     assert np.abs(np.linalg.norm(model.twist_sigma, axis=1) * np.abs(unit)).max() < 0.1
+    # The skin is a sphere, touched from outside.
+    place = model.kernel_place
+    sphere = np.linalg.lstsq(np.c_[2 * place, np.ones(len(place))], (place**2).sum(axis=1))[0]
+    assert ((place - sphere[:3]) * model.kernel_normal).sum(axis=1).min() > 0
 
 
 def test_a_slide_is_told_from_a_turn():
@@ -45,12 +49,18 @@ def test_a_slide_is_told_from_a_turn():
 
 
 def test_a_joint_that_does_not_matter_is_not_used():
-    twists, point = an_arm(joints=3)
-    q, target, _ = touches(twists, point)
+    q, target, _ = touches(*an_arm())
     idle = np.random.default_rng(5).uniform(-1, 1, len(q))
     model = found(np.column_stack([q[:, :1], idle, q[:, 1:]]), target)
     assert model.accepted, model.reason
-    assert model.used.tolist() == [True, False, True, True]
+    assert model.used.tolist() == [True, False, True, True, True]
+
+
+@pytest.mark.slow
+def test_three_joints_leave_a_body_open():
+    # Each kernel has one or two postures: a body that is wrong by 5 % makes them as small.
+    q, target, _ = touches(*an_arm(joints=3))
+    assert not found(q, target).accepted
 
 
 def test_two_fingers_of_one_hand_are_told_apart():
@@ -75,7 +85,7 @@ def test_two_fingers_of_one_hand_are_told_apart():
     assert 0.5 * true.mean() < true[model.kernel_toucher >= 0].mean() < 1.5 * true.mean()
 
 
-@pytest.mark.parametrize("wrong", [pytest.param("mixed", marks=pytest.mark.slow), "shuffled"])
+@pytest.mark.parametrize("wrong", ["mixed", "shuffled"])
 def test_what_is_no_body_is_rejected(wrong):
     q, target, _ = touches(*an_arm())
     if wrong == "mixed":
@@ -95,7 +105,7 @@ def test_few_touches_are_not_looked_at():
 
 
 def test_the_model_depends_on_the_seed_alone():
-    q, target, _ = touches(*an_arm(joints=3), number=1500)
+    q, target, _ = touches(*an_arm(), number=2000)
     told = []
     one = found(q, target, seed=4, progress=lambda fraction, what: told.append(fraction))
     other = found(q, target, seed=4)

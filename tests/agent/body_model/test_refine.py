@@ -10,6 +10,7 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     all_places,
+    as_if_true,
     covariance,
     equations,
     gauge,
@@ -22,9 +23,9 @@ from selftouch_drake.agent.body_model.refine import (
 WAY = tuple((joint, 1) for joint in range(4))
 
 
-def a_scene(number=3000):
+def a_scene(number=3000, kernels=150):
     twists, point = an_arm()
-    q, target, y = touches(twists, point, number=number)
+    q, target, y = touches(twists, point, number=number, kernels=kernels)
     scene = Scene(q, target, np.zeros(target.max() + 1, dtype=int), {(0, 0): WAY})
     return scene, twists, point[None], y
 
@@ -67,13 +68,36 @@ def test_the_gradient_is_that_of_finite_differences_and_blind_to_the_gauge():
         assert abs(change / 2e-5) < 1e-3
 
 
-def test_standard_errors_shrink_with_more_touches():
+def test_standard_errors_shrink_with_more_touches_of_smaller_kernels():
+    # With more touches of the same kernels the error that their size makes would stay.
     sizes = {}
     for number in (1500, 6000):
-        scene, twists, points, _ = a_scene(number)
+        scene, twists, points, _ = a_scene(number, kernels=number // 15)
         solution = refined(scene, started(scene, twists, points))
         sizes[number] = np.sqrt(np.diag(covariance(scene, solution))[:24]).mean()
     assert sizes[6000] < 0.8 * sizes[1500]
+
+
+def test_standard_errors_count_the_size_of_kernels():
+    scene, twists, points, _ = a_scene(6000)
+    solution = refined(scene, started(scene, twists, points))
+    Y = all_places(scene, solution.twists, solution.points)
+    again = as_if_true(scene, solution, Y)
+    # Most touches lie at their own kernel; the others lie beside its border.
+    assert 0.6 < (again.target == scene.target).mean() < 1.0
+    found = np.sqrt(np.diag(covariance(scene, solution)))
+    moved = refined(again, solution)
+    error = np.r_[moved.twists.ravel(), moved.points.ravel()]
+    error -= np.r_[solution.twists.ravel(), solution.points.ravel()]
+    # A similarity changes nothing.
+    directions = gauge(solution)
+    error -= directions @ (directions.T @ error)
+    assert (np.abs(error) < 2 * found).mean() > 0.9
+    # Held parameters have none.
+    fixed = np.zeros(27, dtype=bool)
+    fixed[:3] = True
+    held = np.diag(covariance(scene, solution, fixed=fixed))
+    assert np.isnan(held).tolist() == fixed.tolist()
 
 
 def test_a_toucher_that_touches_nothing_and_a_part_without_touches_do_no_harm():

@@ -7,9 +7,11 @@ import pytest
 from hand_made_chains import an_arm, misfit, rolling, touches
 
 from selftouch_drake.agent.body_model.chain import exponentials, places, turns
+from selftouch_drake.agent.body_model.find import judge_part
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Sizes,
+    covariance,
     equations,
     gauge,
     moved_by,
@@ -172,6 +174,31 @@ def test_a_fist_is_found():
     whole = carried_over(scene, found)
     as_point = misfit(solution_places(scene, carried_over(scene, start))[0], y)
     assert misfit(solution_places(scene, whole)[0], y) < 0.35 * as_point
+
+
+def test_a_fist_is_judged_with_its_surface():
+    scene, twists, points, _ = a_scene()
+    train, tests = halves(scene)
+    as_point = started(train, twists, points)
+    sizes = replace(sized(train, as_point).sizes, shape=SHAPE[None])
+    as_fist = with_skin_of_now(train, replace(as_point, sizes=sizes))
+    point, fist = (judge_part(train, tests, one, 0) for one in (as_point, as_fist))
+    assert fist.near > point.near + 0.05
+    assert fist.criterion < point.criterion - 1
+
+
+def test_what_a_fit_holds_has_no_standard_error_and_a_shape_has_one():
+    scene, twists, points, _ = a_scene()
+    start = started(scene, twists, points)
+    fixed = np.zeros(39, dtype=bool)
+    fixed[6:9] = True
+    solution = refined(scene, sized(scene, start), steps=3, fixed=fixed)
+    assert np.array_equal(solution.twists[1, :3], twists[1, :3])
+    assert solution.sizes.shape.any()
+    variance = np.diag(covariance(scene, solution, fixed=fixed))
+    assert len(variance) == 44
+    assert np.flatnonzero(np.isnan(variance)).tolist() == [6, 7, 8]
+    assert (variance[39:] > 0).all()
 
 
 def test_a_point_stays_a_point():

@@ -14,24 +14,24 @@ KNOWN = laid_by_hand([[9.0, 0.0], [1.0, 2.0], [3.0]], [[0, 1], [1, 2]])
 PLANNER = Planner(KNOWN)
 
 
-def tour(q_start, targets=(0, 1, 2)):
+def plan(*targets, q_start):
     return PLANNER.plan(q_start, targets)
 
 
 def surest():
-    return Recorded(KNOWN).surest((0, 1, 2), lambda targets, q_start: tour(q_start, targets))[0]
+    return Recorded(KNOWN).surest((0, 1, 2), plan)[0]
 
 
 def test_a_path_along_recorded_postures_strays_least():
     recorded = Recorded(KNOWN)
-    near, far = tour(np.array([0.0])), tour(np.array([9.0]))
+    near, far = plan(0, 1, 2, q_start=np.array([0.0])), plan(0, 1, 2, q_start=np.array([9.0]))
     assert recorded.novelty(near) <= 1.0  # from one neighbour to the other
     assert recorded.novelty(far) == pytest.approx(2.2, abs=0.2)
 
 
 def test_free_postures_tell_where_the_robot_can_be():
     free = np.arange(3.0, 9.0)[:, None]
-    assert Recorded(KNOWN, free).novelty(tour(np.array([9.0]))) <= 1.0
+    assert Recorded(KNOWN, free).novelty(plan(0, 1, 2, q_start=np.array([9.0]))) <= 1.0
 
 
 def test_a_plan_begins_where_its_way_is_best_known():

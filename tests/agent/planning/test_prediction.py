@@ -5,6 +5,7 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.planning.planner import Planner
 from selftouch_drake.agent.planning.prediction import predict_sensation, recall_sensation
+from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 
 SENSORS = 2 * np.pi * np.arange(12) / 12
 
@@ -28,7 +29,9 @@ def dense(make_ring):
     angle = 2 * np.pi * (np.repeat(np.arange(8), 80) + rng.uniform(-0.5, 0.5, 640)) / 8
     around = np.stack([np.cos(angle), np.sin(angle), np.zeros(640)], axis=1)
     object.__setattr__(ring, "kernel_q", around.astype(np.float32))
-    object.__setattr__(ring, "target_sensations", felt_at(make_ring(8, 1).embedding))
+    object.__setattr__(
+        ring, "target_sensations", felt_at(make_ring(8, 1, kind=EmbeddedRepresentation).embedding)
+    )
     return ring
 
 

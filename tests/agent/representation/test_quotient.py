@@ -14,7 +14,6 @@ CONTRACT = {
     "set_distance",
     "edges",
     "edge_cost",
-    "embedding",
     "part",
     "joint_scale",
 }
@@ -40,7 +39,6 @@ def test_missing_arrays_are_named(representation):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"embedding": np.zeros((5, 3))}, "embedding has shape (5, 3), expected (120, 3)"),
         ({"kernel_offsets": np.array(3)}, "kernel_offsets has shape (), expected (121,)"),
         ({"target_sensations": np.array(3)}, "target_sensations has shape (), expected "),
         ({"edges": np.full((9, 2), "x")}, "edges must hold whole numbers"),

@@ -1,15 +1,12 @@
-"""Calibrates the receptors of a real skin: turns raw readings into sensations (naive).
+"""The baseline of raw readings: resting level, noise and threshold of each receptor (naive).
 
 Raw readings are not pressures: each receptor has its own resting level, which drifts, and there is
-noise. On some skins there are spikes, and on some readings decay slowly after a touch. All this is
-estimated from the readings themselves, because few receptors feel each touch, and each receptor is
-at rest in most rows. Of a whole recording it is also known what comes after a row.
+noise. On some skins there are spikes. All this is estimated from the readings themselves, because
+few receptors feel each touch, and each receptor is at rest in most rows.
 """
 
-import warnings
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -53,13 +50,6 @@ _MOSTLY = 0.8
 #: Readings fall with pressure if those below rest weigh this many times more than those above it.
 _FALLS = 1.5
 
-#: Readings decay slowly if pressure falls in this many times more rows than it rises in. Without
-#: hysteresis the ratio is 1, since random motion looks the same forwards and backwards.
-_SLOW = 1.2
-
-#: Pressure that is at least this share of the previous row is not falling, but noisy.
-_STEADY = 0.95
-
 #: Rows per block; bounds the memory for readings as floats.
 _BLOCK = 8192
 
@@ -68,12 +58,8 @@ _BLOCK = 8192
 _NOBODY = np.zeros((0, 0), dtype=bool)
 
 
-class RestlessWarning(UserWarning):
-    """Receptors seem to feel something most of the time: their resting level is doubtful."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Calibration(Record):
+class Baseline(Record):
     """How the raw readings of S receptors become sensations.
 
     Attributes:
@@ -104,24 +90,24 @@ class Calibration(Record):
 
     @property
     def drift(self) -> np.ndarray:
-        """`(S,)` range of the resting level over the calibrated rows."""
+        """`(S,)` range of the resting level over the rows that it was estimated from."""
         return np.ptp(self.level, axis=0)
 
     def sensation(self, readings: np.ndarray) -> np.ndarray:
         """`(n, S)` float32, pressures above rest, in raw units; 0 below the threshold.
 
-        The raw `(n, S)` readings come later than the calibrated ones, so the last resting level
+        The raw `(n, S)` readings come later than those of the baseline, so the last resting level
         holds. Each row is turned by itself, without those before and after it.
         """
         pressure = self._pressure(readings - self.level[-1])
-        return np.where(self._shared(pressure > 0), pressure, np.float32(0.0))
+        return np.where(self.shared(pressure > 0), pressure, np.float32(0.0))
 
     def _pressure(self, apart: np.ndarray, either_way: bool = False) -> np.ndarray:
         """`(n, S)` float32, readings so far apart from rest that they pass the threshold, or 0."""
         above = np.abs(apart) if either_way else apart if self.rising else -apart
         return np.where(above > self.threshold, above, 0.0).astype(np.float32)
 
-    def _touching(
+    def touching(
         self, readings: np.ndarray, *, either_way: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
         """The rows in which some pressure is not null, and `(n, S)` float32 pressures there."""
@@ -135,45 +121,14 @@ class Calibration(Record):
         rows, pressures = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(pressures)
 
-    def _shared(self, felt: np.ndarray) -> np.ndarray:
+    def shared(self, felt: np.ndarray) -> np.ndarray:
         """`(n, S)` bool, what is felt and shared by enough neighbours, if they are known."""
         if not self.neighbours.size:
             return felt
         return felt & (felt.astype(np.float32) @ self.neighbours >= _COMPANY)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FoundTouches:
-    """The touches of a recording.
-
-    Attributes:
-        rows: `(n,)` rows of the recording in which something is felt.
-        q: `(n, J)` motor configurations, in the robot's units.
-        sensation: `(n, S)` float32, pressures in raw units; no row null.
-        calibration: of the receptors.
-        null: `(m,)` rows of the recording in which nothing is felt.
-        successive: whether rows are successive in time.
-        num_lone: number of spikes: readings above the threshold that no neighbouring receptors
-            shared. They are 0 in `sensation`.
-        num_fading: number of rows excluded because pressure fell, if readings decay slowly.
-    """
-
-    rows: np.ndarray
-    q: np.ndarray
-    sensation: np.ndarray
-    calibration: Calibration
-    null: np.ndarray
-    successive: bool
-    num_lone: int
-    num_fading: int
-
-    @property
-    def silent(self) -> np.ndarray:
-        """Indices of the receptors that never feel anything."""
-        return np.flatnonzero(~self.sensation.any(axis=0))
-
-
-def calibrate(
+def estimate_baseline(
     q: np.ndarray,
     readings: np.ndarray,
     *,
@@ -181,8 +136,8 @@ def calibrate(
     threshold: float | None = None,
     rising: bool | None = None,
     spikes: bool | None = None,
-) -> Calibration:
-    """Calibrates receptors from a stretch of raw rows, touching or not.
+) -> Baseline:
+    """Estimates the baseline of receptors from a stretch of raw rows, touching or not.
 
     Args:
         q: `(n, J)` motor configurations, in the robot's units; if they change little from row to
@@ -196,7 +151,7 @@ def calibrate(
     Raises:
         ValueError: shapes disagree, or a number is not finite.
     """
-    q, readings = _checked(q, readings)
+    q, readings = checked_recording(q, readings)
     for name, given in (("offset", offset), ("threshold", threshold)):
         if given is not None and not np.isfinite(given):
             raise ValueError(f"{name} is {given}: give a finite number")
@@ -213,108 +168,22 @@ def calibrate(
         rising = below <= _FALLS * above
     noise = _noise(apart if rising else -apart, readings[sample])
     limit = _SILENCE * noise if threshold is None else np.full(len(noise), float(threshold))
-    found = Calibration(rising=bool(rising), row=row, level=level, noise=noise, threshold=limit)
-    successive = _are_successive(q)
+    found = Baseline(rising=bool(rising), row=row, level=level, noise=noise, threshold=limit)
+    successive = are_successive(q)
     if spikes is None:
         spikes = _has_spikes(readings, found, successive)
     if not spikes:
         return found
-    rows, pressure = found._touching(readings)
+    rows, pressure = found.touching(readings)
     neighbours = _neighbours(pressure > 0, len(readings))
     found = replace(found, spikes=True, neighbours=neighbours)
     if successive and neighbours.size:
         # What lasts is a touch. Where few receptors share it, a lone reading may be one too.
         felt = pressure > 0
         lasts = felt[1:-1] & felt[:-2] & felt[2:] & (rows[2:] - rows[:-2] == 2)[:, None]
-        if np.mean(found._shared(felt)[1:-1][lasts]) < _MOSTLY:
+        if np.mean(found.shared(felt)[1:-1][lasts]) < _MOSTLY:
             found = replace(found, neighbours=_NOBODY)
     return found
-
-
-def find_touches(
-    q: np.ndarray,
-    readings: np.ndarray,
-    *,
-    filtering: str | None = None,
-    **known: Any,
-) -> FoundTouches:
-    """Finds the touches in a recording of raw readings.
-
-    Args:
-        q: as of `calibrate`.
-        readings: `(n, S)` raw, rows that touch and rows that do not, as recorded. Pressures with an
-            offset of 0 are returned unchanged.
-        filtering: "median" if each reading becomes the median of three rows; "none" if it stays as
-            it is, even if it looks like a spike; by default a median where there are spikes and
-            rows are successive in time.
-        known: `offset`, `threshold` and `rising`, as of `calibrate`.
-
-    Raises:
-        ValueError: shapes disagree, a number is not finite, nothing is felt, or rows without order
-            in time cannot be filtered.
-
-    Warns:
-        RestlessWarning: most receptors feel something in most rows.
-    """
-    q, readings = _checked(q, readings)
-    successive = _are_successive(q)
-    if filtering == "median" and not successive:
-        raise ValueError(
-            "filter is median, but the joints jump from row to row: give the rows in the order of "
-            "time, or leave the filter out"
-        )
-    calibration = calibrate(q, readings, spikes=False if filtering == "none" else None, **known)
-    if successive and (calibration.spikes or filtering == "median"):
-        from scipy.ndimage import median_filter  # no other run needs it
-
-        readings = median_filter(readings, size=(3, 1), mode="nearest")
-        again = calibrate(q, readings, spikes=calibration.spikes, **known)
-        calibration = replace(again, smoothed=True)
-    rows, pressure = calibration._touching(readings)
-    shared = calibration._shared(pressure > 0)
-    num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
-    if num_lone:
-        touching = shared.any(axis=1)
-        rows, pressure = rows[touching], np.where(shared, pressure, np.float32(0.0))[touching]
-    if not len(rows):
-        raise ValueError(
-            f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
-            "their thresholds; lower the threshold, or record touches"
-        )
-    if 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
-        warnings.warn(
-            "half of the receptors feel something in more than half of the rows: record more rows "
-            "without a touch, or give the correct offset",
-            RestlessWarning,
-            stacklevel=2,
-        )
-    null = np.setdiff1d(np.arange(len(readings)), rows, assume_unique=True)
-    fading = _fading(rows, pressure.sum(axis=1, dtype=float)) & successive
-    rows, pressure = rows[~fading], pressure[~fading]
-    return FoundTouches(
-        rows=rows,
-        q=q[rows],
-        sensation=pressure,
-        calibration=calibration,
-        null=null,
-        successive=successive,
-        num_lone=num_lone,
-        num_fading=int(fading.sum()),
-    )
-
-
-def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, rows in which pressure falls, if readings decay slowly; else none.
-
-    After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
-    rows than it rises in, and falling readings show past touches. `rows` of the recording ascend;
-    `total` is the sum of the pressures in each.
-    """
-    follows = np.diff(rows) == 1
-    falls, rises = follows & (total[1:] < total[:-1]), follows & (total[1:] > total[:-1])
-    if falls.sum() < _SLOW * rises.sum():
-        return np.zeros(len(rows), dtype=bool)
-    return np.append(False, follows & (total[1:] < _STEADY * total[:-1]))
 
 
 def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -338,7 +207,7 @@ def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
     return noise
 
 
-def _are_successive(q: np.ndarray) -> bool:
+def are_successive(q: np.ndarray) -> bool:
     """Whether the joints move little from row to row, compared with random rows."""
     if len(q) < 100:
         return False
@@ -350,13 +219,13 @@ def _are_successive(q: np.ndarray) -> bool:
     return bool(near < _SUCCESSIVE * far)
 
 
-def _has_spikes(readings: np.ndarray, calibration: Calibration, successive: bool) -> bool:
+def _has_spikes(readings: np.ndarray, baseline: Baseline, successive: bool) -> bool:
     """Whether many firm readings stand alone: in no neighbour and, if rows are successive, in time.
 
     Readings count on both sides of rest: a spike may go either way. If fields do not overlap,
     spikes cannot be distinguished from touches.
     """
-    rows, strong = calibration._touching(readings, either_way=True)
+    rows, strong = baseline.touching(readings, either_way=True)
     felt = strong > 0
     neighbours = _neighbours(felt, len(readings))
     if not neighbours.size:
@@ -386,7 +255,8 @@ def _neighbours(felt: np.ndarray, num_rows: int) -> np.ndarray:
     return neighbours if np.median(neighbours.sum(axis=1)) >= _COMPANY else _NOBODY
 
 
-def _checked(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def checked_recording(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Configurations and readings as arrays of real numbers; errors as of `estimate_baseline`."""
     q, readings = np.asarray(q), np.asarray(readings)
     for name, rows, columns in (("q", q, "joints"), ("readings", readings, "receptors")):
         if rows.ndim != 2 or 0 in rows.shape:

@@ -7,11 +7,11 @@ import numpy as np
 from by_hand import laid_by_hand
 from test_sliding import LIMIT, Finger, deep, feel, touches
 
-from selftouch_drake.agent.dry_run import dry_run, missed_touches
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.other_ways import other_ways, out_of_the_way
-from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.practice.dry_run import dry_run, missed_touches
+from selftouch_drake.agent.practice.other_ways import other_ways, out_of_the_way
+from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.quotient.smooth import path_length, smooth_path
 
 NUM = 40

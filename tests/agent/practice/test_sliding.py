@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from selftouch_drake.agent.body import Felt, Followed
-from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.practice.sliding import Slider
 
 RADIUS, DEPTH = 0.5, 0.05
 CENTRE = np.array([0.7, 0.0, 0.3])

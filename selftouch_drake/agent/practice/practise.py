@@ -1,22 +1,23 @@
 """Practice: the agent follows a plan slowly, without dynamics, and repairs it where it would fail.
 
-A plan before practice (`Agent.tour`) comes from what the agent has learned alone. In practice the
+A plan before practice (`Agent.plan`) comes from what the agent has learned alone. In practice the
 agent makes a dry run of the plan and searches other ways for its doubtful steps; it remembers them.
-Also here: what it learns from a try under dynamics (naive).
+Also here: what it remembers of a try under dynamics (naive).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.dry_run import DryRun, dry_run, missed_touches, stored_touches
 from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.other_ways import links_of, other_ways, out_of_the_way
-from selftouch_drake.agent.rehearsal import Try
-from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.practice.dry_run import DryRun, dry_run, missed_touches, stored_touches
+from selftouch_drake.agent.practice.other_ways import links_of, other_ways, out_of_the_way
+from selftouch_drake.agent.practice.sliding import Slider
+from selftouch_drake.agent.tries import Try
 from selftouch_drake.quotient.plan import Limits
 
 #: Most rounds of practice: a plan round steps without another way may have other doubtful steps.
@@ -57,18 +58,21 @@ def practise(
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
     other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
-    are as of `Agent.tour`.
+    are as of `Agent.plan`.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.
-        ValueError: as `Agent.tour`.
+        ValueError: as `Agent.plan`.
     """
-    tour = partial(Agent.tour, targets=targets, q_start=q_start, limits=limits)
-    unpractised = tour(agent)
-    wiser, plan, felt = _repaired(tour, agent, unpractised, slider)
+
+    def plan_on_skin(agent: Agent, **options: Any) -> Plan:
+        return agent.plan(*targets, q_start=q_start, limits=limits, **options)
+
+    unpractised = plan_on_skin(agent)
+    wiser, plan, felt = _repaired(plan_on_skin, agent, unpractised, slider)
     if len(felt.impossible):
-        in_air = partial(tour, lift_off=True)
-        wiser, plan, felt = _repaired(in_air, agent, in_air(agent), slider)
+        plan_in_air = partial(plan_on_skin, lift_off=True)
+        wiser, plan, felt = _repaired(plan_in_air, agent, plan_in_air(agent), slider)
     if len(felt.impossible):
         raise NoWayError(
             f"no way to target {plan.goal} was found on which the rigid parts of the robot do not "
@@ -77,11 +81,12 @@ def practise(
     return Practised(agent=wiser, unpractised=unpractised, plan=plan, felt=felt)
 
 
-def learn_from(one: Try, agent: Agent, slider: Slider) -> Agent:
-    """The agent after it practised slides where a try lost contact.
+def remembering(one: Try, agent: Agent, slider: Slider) -> Agent:
+    """The agent that remembers a try: it practises slides where the try lost contact.
 
     Links on which it found no slide cost more from then on. If the goal was missed, the last link
-    costs more, and plans end at other touches of the goal.
+    costs more, and plans end at other touches of the goal. Only its memory changes: it learns no
+    other representation.
     """
     plan, known = one.execution.motion.plan, agent.representation
     lost_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
@@ -95,9 +100,12 @@ def learn_from(one: Try, agent: Agent, slider: Slider) -> Agent:
 
 
 def _repaired(
-    tour: Callable[..., Plan], agent: Agent, plan: Plan, slider: Slider
+    plan_again: Callable[..., Plan], agent: Agent, plan: Plan, slider: Slider
 ) -> tuple[Agent, Plan, DryRun]:
-    """The agent after practice, its plan, and what it felt along it; `tour` plans again."""
+    """The agent after practice, its plan, and what it felt along it.
+
+    `plan_again` asks an agent for a plan, as `Agent.plan`, with further options.
+    """
     felt, aside = dry_run(plan, slider), None
     for _ in range(_MOST_ROUNDS):
         missed = missed_touches(plan, felt, agent.representation)
@@ -106,13 +114,13 @@ def _repaired(
         if aside is None:
             aside = out_of_the_way(plan, agent.representation, slider)
             if aside is not None:
-                plan = tour(agent, aside=aside)
+                plan = plan_again(agent, aside=aside)
                 felt = dry_run(plan, slider)
         before = agent.memory
         memory, lost = other_ways(plan, felt.doubtful, slider, before, agent.representation)
         agent = agent.recalling(memory.avoiding(lost).missing(missed))
         if agent.memory.same_as(before):
             break
-        plan = tour(agent, aside=aside)
+        plan = plan_again(agent, aside=aside)
         felt = dry_run(plan, slider)
     return agent, plan, felt

@@ -6,8 +6,8 @@ import numpy as np
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
+from selftouch_drake.agent.practice.sliding import Slider, straight
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.sliding import Slider, straight
 
 #: Number of remembered configurations that a detour through the air may pass: first those that
 #: lengthen the path least; then any, because few paths lead out of some configurations.

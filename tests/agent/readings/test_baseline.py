@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.shared.raw_skin import NOISE, RawSkin, fibonacci, recorded
-from selftouch_drake.agent.calibration import (
-    Calibration,
-    RestlessWarning,
-    calibrate,
-    find_touches,
-)
+from selftouch_drake.agent.readings.baseline import Baseline, estimate_baseline
+from selftouch_drake.agent.readings.found_touches import RestlessWarning, find_touches
 
 NUM_ROWS, NUM_RECEPTORS = 12_000, 100
 
@@ -57,15 +53,15 @@ def test_touches_of_a_raw_skin_are_found(recording, felt):
 
 
 def test_rest_is_found(recording, felt):
-    calibration = felt.calibration
+    baseline = felt.baseline
     resting = np.where(recording.force == 0, recording.raw, np.nan)
-    np.testing.assert_allclose(calibration.offset, np.nanmedian(resting, axis=0), atol=3)
-    assert calibration.rising
-    assert calibration.smoothed
+    np.testing.assert_allclose(baseline.offset, np.nanmedian(resting, axis=0), atol=3)
+    assert baseline.rising
+    assert baseline.smoothed
     # Noise after the median filter, plus half a quantisation step of eight bits.
-    assert 0.4 * NOISE < np.median(calibration.noise) < 2 * NOISE
-    np.testing.assert_allclose(calibration.threshold, 6 * calibration.noise)
-    assert 0 < calibration.drift.max() <= 10
+    assert 0.4 * NOISE < np.median(baseline.noise) < 2 * NOISE
+    np.testing.assert_allclose(baseline.threshold, 6 * baseline.noise)
+    assert 0 < baseline.drift.max() <= 10
 
 
 def test_drift_is_followed():
@@ -82,13 +78,13 @@ def test_drift_is_followed():
 
 def test_readings_may_fall_with_pressure(recording, felt):
     falling = find_touches(recording.q, 255 - recording.raw)
-    assert not falling.calibration.rising
+    assert not falling.baseline.rising
     np.testing.assert_array_equal(falling.rows, felt.rows)
     np.testing.assert_allclose(falling.sensation, felt.sensation)
     wrong = find_touches(recording.q, recording.raw, rising=False)
-    assert not wrong.calibration.rising
+    assert not wrong.baseline.rising
     # Below rest there are spikes alone, and the median of three leaves hardly any.
-    assert wrong.calibration.smoothed
+    assert wrong.baseline.smoothed
     assert len(wrong.rows) < 0.01 * len(felt.rows)
 
 
@@ -97,7 +93,7 @@ def test_touches_of_one_row_are_no_spikes(recording):
     brief = recording.force * (np.arange(NUM_ROWS) % 7 == 0)[:, None]
     skin = RawSkin(NUM_RECEPTORS, float(brief.max()), NUM_ROWS, spikes=0.0)
     found = find_touches(recording.q, skin.read(brief))
-    assert not found.calibration.smoothed
+    assert not found.baseline.smoothed
     assert found.num_lone == 0
     firm = np.flatnonzero(brief.max(axis=1) > 0.5)
     assert np.isin(firm, found.rows).mean() > 0.95
@@ -111,7 +107,7 @@ def test_a_touch_that_few_receptors_feel_is_no_spike(recording, width):
     assert np.mean(num_felt[num_felt > 0] <= 4) > 0.95
     raw = RawSkin(NUM_RECEPTORS, 1.0, NUM_ROWS, spikes=0.0).read(force)
     found = find_touches(recording.q, raw)
-    assert not found.calibration.spikes
+    assert not found.baseline.spikes
     assert found.num_lone == 0
     firm = force.max(axis=1) > 0.2
     left = np.isin(np.flatnonzero(firm), found.rows).sum() + found.num_fading
@@ -121,7 +117,7 @@ def test_a_touch_that_few_receptors_feel_is_no_spike(recording, width):
 def test_spikes_are_told_from_touches_that_few_receptors_feel(recording):
     force = narrow(recording, 0.35)
     found = find_touches(recording.q, RawSkin(NUM_RECEPTORS, 1.0, NUM_ROWS).read(force))
-    assert found.calibration.smoothed
+    assert found.baseline.smoothed
     firm = np.flatnonzero(force.max(axis=1) > 0.2)
     assert np.isin(firm, found.rows).mean() > 0.95
 
@@ -135,20 +131,20 @@ def narrow(recording, width):
 def test_rare_spikes_are_found(recording):
     skin = RawSkin(NUM_RECEPTORS, float(recording.force.max()), NUM_ROWS, spikes=0.001)
     found = find_touches(recording.q, skin.read(recording.force))
-    assert found.calibration.smoothed
+    assert found.baseline.smoothed
     assert np.mean(~touched(recording)[found.rows]) < 0.01
 
 
 def test_the_filter_can_be_chosen(recording):
     raw = find_touches(recording.q, recording.raw, filtering="none")
-    assert not raw.calibration.smoothed
-    assert not raw.calibration.spikes
+    assert not raw.baseline.smoothed
+    assert not raw.baseline.spikes
     assert raw.num_lone == 0
     # One of a hundred receptors has a spike in every second row.
     assert len(raw.rows) > 0.7 * NUM_ROWS
     clean = RawSkin(NUM_RECEPTORS, float(recording.force.max()), NUM_ROWS, spikes=0.0)
     found = find_touches(recording.q, clean.read(recording.force), filtering="median")
-    assert found.calibration.smoothed
+    assert found.baseline.smoothed
     assert found.num_lone == 0
     order = np.random.default_rng(0).permutation(NUM_ROWS)
     with pytest.raises(ValueError, match="filter is median, but the joints jump from row to row"):
@@ -160,42 +156,42 @@ def test_later_readings_become_sensations_row_by_row(recording):
     first = 8000
     skin = RawSkin(NUM_RECEPTORS, float(recording.force.max()), NUM_ROWS, spikes=0.0)
     raw = skin.read(recording.force)
-    calibration = calibrate(recording.q[:first], raw[:first])
-    found = calibration.sensation(raw[first:])
-    one_by_one = [calibration.sensation(row[None])[0] for row in raw[first:]]
+    baseline = estimate_baseline(recording.q[:first], raw[:first])
+    found = baseline.sensation(raw[first:])
+    one_by_one = [baseline.sensation(row[None])[0] for row in raw[first:]]
     np.testing.assert_array_equal(found, one_by_one)
     assert found.dtype == np.float32
     force = recording.force[first:]
     firm = force.max(axis=1) > 0.5
     assert found[firm].any(axis=1).mean() > 0.95
     assert found[np.flatnonzero(~force.any(axis=1))].any(axis=1).mean() < 0.1  # what decays slowly
-    again = Calibration.from_arrays(calibration.to_arrays() | {"made_for": np.array("a run")})
+    again = Baseline.from_arrays(baseline.to_arrays() | {"made_for": np.array("a run")})
     np.testing.assert_array_equal(again.sensation(raw[first:]), found)
     assert again.rising is True
 
 
 def test_later_spikes_that_no_neighbour_shares_are_no_touch(recording):
     first = 8000
-    calibration = calibrate(recording.q[:first], recording.raw[:first])
-    found = calibration.sensation(recording.raw[first:]).any(axis=1)
-    assert calibration.spikes
+    baseline = estimate_baseline(recording.q[:first], recording.raw[:first])
+    found = baseline.sensation(recording.raw[first:]).any(axis=1)
+    assert baseline.spikes
     assert np.mean(~touched(recording)[first:][found]) < 0.1
 
 
 def test_a_stretch_without_a_touch_calibrates():
     skin = RawSkin(NUM_RECEPTORS, 1.0, 2000, spikes=0.0, seed=4)
     rest = skin.read(np.zeros((1000, NUM_RECEPTORS), dtype=np.float32))
-    calibration = calibrate(np.zeros((1000, 3)), rest)
+    baseline = estimate_baseline(np.zeros((1000, 3)), rest)
     pressed = np.zeros((1000, NUM_RECEPTORS), dtype=np.float32)
     pressed[500:, 3] = 0.8
-    found = calibration.sensation(skin.read(pressed))
-    assert calibration.rising
+    found = baseline.sensation(skin.read(pressed))
+    assert baseline.rising
     assert not found[:500].any()
     assert found[500:, 3].all()
 
 
 def test_a_perfect_skin_is_as_it_is(recording):
-    estimated = calibrate(recording.q, recording.force)
+    estimated = estimate_baseline(recording.q, recording.force)
     np.testing.assert_array_equal(estimated.sensation(recording.force), recording.force)
     assert not estimated.threshold.any()
     assert not estimated.offset.any()
@@ -204,7 +200,7 @@ def test_a_perfect_skin_is_as_it_is(recording):
 def test_spikes_are_left_out_where_rows_have_no_order(recording):
     rows = np.random.default_rng(1).permutation(NUM_ROWS)
     found = find_touches(recording.q[rows], recording.raw[rows])
-    assert not found.calibration.smoothed
+    assert not found.baseline.smoothed
     assert found.num_lone > 0.5 * 0.01 * recording.raw.size
     assert np.mean(~touched(recording)[rows][found.rows]) < 0.05
 
@@ -238,9 +234,9 @@ def test_a_receptor_that_never_reads_is_known(recording):
 
 def test_offset_and_threshold_can_be_set(recording):
     found = find_touches(recording.q, recording.raw, offset=60.0, threshold=50.0, rising=True)
-    assert (found.calibration.offset == 60).all()
-    assert (found.calibration.threshold == 50).all()
-    assert found.calibration.drift.max() == 0
+    assert (found.baseline.offset == 60).all()
+    assert (found.baseline.threshold == 50).all()
+    assert found.baseline.drift.max() == 0
     assert found.sensation[found.sensation > 0].min() > 50
 
 

@@ -1,4 +1,4 @@
-"""Rehearsal: the agent judges what it did by what it felt."""
+"""Tries: the agent judges what it executed by what it felt."""
 
 from dataclasses import dataclass
 

@@ -5,7 +5,7 @@ import pytest
 from test_memory import CHAIN
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.rehearsal import Try, best, judged_try
+from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.quotient.smooth import smooth_path
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.motions import Plan, steps
+from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, stored_row
 from selftouch_drake.agent.representation.touches import felt_kernels
-from selftouch_drake.agent.sliding import Slider
 
 #: Length of scaled path between the places at which the agent feels, and checks that it can be
 #: there.

@@ -5,44 +5,24 @@ direction in motor space in which the touch changes most: this direction leads t
 Then it measures how strong the touch is along that direction.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from selftouch_drake.agent.body import TouchProfile
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.practice.sliding import Slider
 
-#: rad of path, between these places. Takes about 0.3 s of computing for a path of 5 rad.
+#: mu of path, between these places. Takes about 0.3 s of computing for a path of 5 mu.
 _SAMPLED = 0.03
 
-#: rad, offset of the two flanks of a touch on either side: 1.5 cm at an arm's length.
+#: mu, offset of the two flanks of a touch on either side: 1.5 cm at an arm's length.
 _FLANK = 0.025
 
 # Iterations to find the first direction; each later one starts from the previous direction.
 _FIRST_ROUNDS = 5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TouchProfile:
-    """The sensations beside a motion.
-
-    K places along it, J joints, G places across.
-
-    Attributes:
-        time_s: `(K,)` s, time of the motion at each place.
-        across: `(K, J)` unit length, scaled direction through the skin; it changes continuously.
-        joint_scale: `(J,)` factors of scaled configurations.
-        strength: `(K, G)` N, L2 norm of the sensations across the motion; 0 in the air.
-    """
-
-    time_s: np.ndarray
-    across: np.ndarray
-    joint_scale: np.ndarray
-    strength: np.ndarray
-
-
 def felt_across(motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
-    """Measures the sensations of a motion that is displaced by `(G,)` rad, to either side.
+    """Measures the sensations of a motion that is displaced by `(G,)` mu, to either side.
 
     The slider feels in the agent's world.
     """

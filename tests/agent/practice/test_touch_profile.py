@@ -6,7 +6,7 @@ from test_practice import SLIDER, a_pair, a_plan
 from test_sliding import deep
 
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.touch_profile import felt_across
+from selftouch_drake.agent.practice.touch_profile import felt_across
 
 OFFSETS = np.linspace(-0.06, 0.06, 13)
 

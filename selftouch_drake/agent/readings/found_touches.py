@@ -1,0 +1,157 @@
+"""Touches are found in a recording of raw readings (naive).
+
+Of a whole recording it is known what comes before and after a row: so spikes can be filtered, and
+rows left out that only show a touch that has ended, on skins whose readings decay slowly.
+"""
+
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from selftouch_drake.agent.readings.baseline import (
+    Baseline,
+    are_successive,
+    checked_recording,
+    estimate_baseline,
+)
+
+#: Readings decay slowly if pressure falls in this many times more rows than it rises in. Without
+#: hysteresis the ratio is 1, since random motion looks the same forwards and backwards.
+_SLOW = 1.2
+
+#: Pressure that is at least this share of the previous row is not falling, but noisy.
+_STEADY = 0.95
+
+
+class RestlessWarning(UserWarning):
+    """Receptors seem to feel something most of the time: their resting level is doubtful."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FoundTouches:
+    """The touches of a recording.
+
+    Attributes:
+        rows: `(n,)` rows of the recording in which something is felt.
+        q: `(n, J)` motor configurations, in the robot's units.
+        sensation: `(n, S)` float32, pressures in raw units; no row null.
+        baseline: of the receptors.
+        null: `(m,)` rows of the recording in which nothing is felt.
+        successive: whether rows are successive in time.
+        num_lone: number of spikes: readings above the threshold that no neighbouring receptors
+            shared. They are 0 in `sensation`.
+        num_fading: number of rows excluded because pressure fell, if readings decay slowly.
+    """
+
+    rows: np.ndarray
+    q: np.ndarray
+    sensation: np.ndarray
+    baseline: Baseline
+    null: np.ndarray
+    successive: bool
+    num_lone: int
+    num_fading: int
+
+    @property
+    def silent(self) -> np.ndarray:
+        """Indices of the receptors that never feel anything."""
+        return np.flatnonzero(~self.sensation.any(axis=0))
+
+
+def find_touches(
+    q: np.ndarray,
+    readings: np.ndarray,
+    *,
+    filtering: str | None = None,
+    **known: Any,
+) -> FoundTouches:
+    """Finds the touches in a recording of raw readings.
+
+    Args:
+        q: as of `estimate_baseline`.
+        readings: `(n, S)` raw, rows that touch and rows that do not, as recorded. Pressures with an
+            offset of 0 are returned unchanged.
+        filtering: "median" if each reading becomes the median of three rows; "none" if it stays as
+            it is, even if it looks like a spike; by default a median where there are spikes and
+            rows are successive in time.
+        known: `offset`, `threshold` and `rising`, as of `estimate_baseline`.
+
+    Raises:
+        ValueError: shapes disagree, a number is not finite, nothing is felt, or rows without order
+            in time cannot be filtered.
+
+    Warns:
+        RestlessWarning: most receptors feel something in most rows.
+    """
+    q, readings = checked_recording(q, readings)
+    successive = are_successive(q)
+    if filtering == "median" and not successive:
+        raise ValueError(
+            "filter is median, but the joints jump from row to row: give the rows in the order of "
+            "time, or leave the filter out"
+        )
+    spikes = False if filtering == "none" else None
+    baseline = estimate_baseline(q, readings, spikes=spikes, **known)
+    if successive and (baseline.spikes or filtering == "median"):
+        readings = _median_of_three(readings)
+        again = estimate_baseline(q, readings, spikes=baseline.spikes, **known)
+        baseline = replace(again, smoothed=True)
+    rows, pressure = baseline.touching(readings)
+    shared = baseline.shared(pressure > 0)
+    num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
+    if num_lone:
+        touching = shared.any(axis=1)
+        rows, pressure = rows[touching], np.where(shared, pressure, np.float32(0.0))[touching]
+    if not len(rows):
+        raise ValueError(
+            f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
+            "their thresholds; lower the threshold, or record touches"
+        )
+    _warn_of_restless_receptors(pressure, len(readings))
+    null = np.setdiff1d(np.arange(len(readings)), rows, assume_unique=True)
+    fading = _fading(rows, pressure.sum(axis=1, dtype=float)) & successive
+    rows, pressure = rows[~fading], pressure[~fading]
+    return FoundTouches(
+        rows=rows,
+        q=q[rows],
+        sensation=pressure,
+        baseline=baseline,
+        null=null,
+        successive=successive,
+        num_lone=num_lone,
+        num_fading=int(fading.sum()),
+    )
+
+
+def _median_of_three(readings: np.ndarray) -> np.ndarray:
+    """Each reading `(n, S)` becomes the median of three rows, which leaves out a spike."""
+    from scipy.ndimage import median_filter  # no other run needs it
+
+    return median_filter(readings, size=(3, 1), mode="nearest")
+
+
+def _warn_of_restless_receptors(pressure: np.ndarray, num_rows: int) -> None:
+    """Warns if half of the receptors of `(n, S)` pressures feel something in most of the rows."""
+    if 2 * np.median(np.count_nonzero(pressure, axis=0)) > num_rows:
+        warnings.warn(
+            "half of the receptors feel something in more than half of the rows: record more rows "
+            "without a touch, or give the correct offset",
+            RestlessWarning,
+            stacklevel=3,
+        )
+
+
+def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """`(n,)` bool, rows in which pressure falls, if readings decay slowly; else none.
+
+    After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
+    rows than it rises in, and falling readings show past touches. `rows` of the recording ascend;
+    `total` is the sum of the pressures in each.
+    """
+    follows = np.diff(rows) == 1
+    falls, rises = follows & (total[1:] < total[:-1]), follows & (total[1:] > total[:-1])
+    if falls.sum() < _SLOW * rises.sum():
+        return np.zeros(len(rows), dtype=bool)
+    return np.append(False, follows & (total[1:] < _STEADY * total[:-1]))
