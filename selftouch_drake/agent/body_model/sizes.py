@@ -54,14 +54,12 @@ def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
     near = beside(solution.place, scene.part)
     patch, normal = _one_sided(normal, near)
     behind = _behind(scene, solution)
-    for number in range(patch.max() + 1):
+    # Kernels without a normal are in no patch.
+    for number in np.unique(patch[patch >= 0]):
         here = np.flatnonzero(patch == number)
         away = solution.place[here] - solution.place[here].mean(axis=0)
-        bulging = (
-            np.einsum("ka,ka->k", away, normal[here]).sum() / np.linalg.norm(away, axis=1).sum()
-        )
-        side = bulging
-        if abs(bulging) < _FLAT:
+        side = np.einsum("ka,ka->k", away, normal[here]).sum()
+        if abs(side) <= _FLAT * np.linalg.norm(away, axis=1).sum():
             side = np.einsum("ka,ka->k", behind[here], normal[here]).sum()
         if side < 0:
             normal[here] *= -1

@@ -60,7 +60,9 @@ def test_a_joint_that_does_not_matter_is_not_used():
 def test_three_joints_leave_a_body_open():
     # Each kernel has one or two postures: a body that is wrong by 5 % makes them as small.
     q, target, _ = touches(*an_arm(joints=3))
-    assert not found(q, target).accepted
+    model = found(q, target)
+    assert not model.accepted
+    assert "the touches prove nothing" in model.reason
 
 
 def test_two_fingers_of_one_hand_are_told_apart():

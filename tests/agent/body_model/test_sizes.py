@@ -1,5 +1,6 @@
 """Touchers with a surface: found where they have one, and left out where they are points."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -103,6 +104,20 @@ def test_normals_look_to_where_the_skin_bulges():
     turned = np.where(np.arange(len(outward)) % 2 > 0, 1, -1)[:, None] * solution.normal
     found = outward_normals(scene, replace(solution, normal=turned))
     assert np.einsum("ka,ka->k", found, outward).min() > 0.8
+
+
+def test_a_kernel_without_a_normal_stays_without_and_harms_no_other():
+    scene, twists, points, _ = a_scene(None)
+    solution = started(scene, twists, points)
+    all_known = outward_normals(scene, solution)
+    normal = solution.normal.copy()
+    normal[[0, 70]] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = outward_normals(scene, replace(solution, normal=normal))
+    assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [0, 70]
+    known = np.isfinite(found)
+    assert np.array_equal(found[known], all_known[known])
 
 
 def test_normals_of_a_flat_skin_look_to_the_link_of_the_toucher():
