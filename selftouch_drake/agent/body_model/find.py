@@ -421,6 +421,9 @@ def _finished_tree(
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
     solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
+    if solution.sizes is None:
+        # Nothing of a tree of points was chosen by held-out touches: all of them judge it.
+        tests = whole.some(np.flatnonzero(purpose > 0))
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
     final = carried_over(whole, solution)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
