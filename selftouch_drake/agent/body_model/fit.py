@@ -210,7 +210,7 @@ def draw(
 
 def descended(
     q: np.ndarray,
-    groups: Sequence[Group] | Sequence[Smooth],
+    groups: Sequence[Group | Smooth],
     bodies: Bodies,
     how: Descent,
     seed: int,
@@ -231,10 +231,12 @@ def descended(
         weight: `(G,)` of each group; 1 by default.
         each: maps blocks of bodies; the result does not depend on it.
     """
-    if isinstance(groups[0], Smooth):
-        draws = groups[0].draw(q, how)
+    kernels = [group for group in groups if isinstance(group, Group)]
+    smooth = [group for group in groups if isinstance(group, Smooth)]
+    if smooth:
+        draws = smooth[0].draw(q, how)
     else:
-        draws = draw(q, groups, how, np.random.default_rng(seed), weight)
+        draws = draw(q, kernels, how, np.random.default_rng(seed), weight)
     toucher = np.zeros(len(groups), dtype=np.int64) if touchers is None else np.array(touchers)
 
     def block(start: int) -> Bodies:

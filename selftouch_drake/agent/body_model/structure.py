@@ -70,7 +70,7 @@ class Search:
         return len(self.q)
 
     def descended(
-        self, groups: Sequence[Group] | Sequence[Smooth], bodies: Bodies, how: Descent, **more
+        self, groups: Sequence[Group | Smooth], bodies: Bodies, how: Descent, **more
     ) -> Bodies:
         """`fit.descended` with draws of its own."""
         self.tick()
