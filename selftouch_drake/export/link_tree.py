@@ -263,13 +263,16 @@ def _comment(model: BodyModel, joint: int, slides: bool) -> str:
     words = "slides" if slides else "turns"
     found = [f"{name} {words}"]
     if kind == JointKind.OPEN:
-        found = [f"{name} is open: touches do not tell whether it turns or slides; taken as {words}"]
+        found = [
+            f"{name} is open: touches do not tell whether it turns or slides; taken as {words}"
+        ]
     columns = slice(3, 6) if slides else slice(0, 3)
     along, sigma = model.twists[joint, columns], model.twist_sigma[joint, columns]
     size = float(np.linalg.norm(along))
     if np.isfinite(sigma).all() and size:
-        spread = float(np.square(sigma) @ (1 - np.square(along / size))) / 2
-        found.append(f"standard error of its direction {np.degrees(np.sqrt(spread) / size):.2g} deg")
+        across = np.sqrt(np.square(sigma) @ (1 - np.square(along / size)) / 2)
+        error_deg = float(np.degrees(across / size))
+        found.append(f"standard error of its direction {error_deg:.2g} deg")
     group = model.order_group[joint]
     others = [
         model.joint_names[other]

@@ -78,8 +78,10 @@ def with_pure_joints(model: BodyModel, q: np.ndarray, target: np.ndarray) -> Pur
     for joint in np.flatnonzero((model.joint_kind == JointKind.OPEN) & ~slides):
         slid = slides.copy()
         slid[joint] = True
-        apart = [_apart(ways, _pure(model, s), model.toucher_place) for s in (slides, slid)]
-        slides = slid if apart[1] < apart[0] else slides
+        as_turn, as_slide = (
+            _apart(ways, _pure(model, taken), model.toucher_place) for taken in (slides, slid)
+        )
+        slides = slid if as_slide < as_turn else slides
     twists, touchers = _pure(model, slides), model.toucher_place.copy()
     apart = _apart(ways, twists, touchers)
     for _ in range(_STEPS):

@@ -3,7 +3,15 @@
 from xml.etree import ElementTree as ET
 
 from selftouch_drake.export.link_tree import WORLD, Link, LinkTree, Movement, Shape
-from selftouch_drake.export.xml_text import EFFORT, MADE_UP, VELOCITY, child, comment, document, numbers
+from selftouch_drake.export.xml_text import (
+    EFFORT,
+    MADE_UP,
+    VELOCITY,
+    child,
+    comment,
+    document,
+    numbers,
+)
 
 _VERSION = "1.9"
 _NO_TURN = " 0 0 0"

@@ -21,7 +21,8 @@ def joint_rows(
 
     Arguments are as of `link_tree`.
     """
-    scales, rows = joint_scales(model, slides), []
+    scales = joint_scales(model, slides)
+    rows: list[tuple[str, ...]] = []
     for joint, name in enumerate(model.joint_names):
         columns = slice(3, 6) if slides[joint] else slice(0, 3)
         along = model.twists[joint, columns] / scales[joint]
@@ -49,7 +50,7 @@ def receptor_rows(
     Places and normals are in the frame of the link `part_K`; nothing where a receptor was never met
     or its part is not among `parts`. `depth` is as of `part_surface`.
     """
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for number, name in enumerate(names):
         part = int(model.receptor_part[number])
         if part not in parts or not np.isfinite(model.receptor_place[number]).all():

@@ -189,10 +189,10 @@ def _propagated(
     measure: Callable[[np.ndarray], float], values: np.ndarray, sigma: np.ndarray
 ) -> float:
     """Standard error of a measure of values whose errors are independent; NaN if one is unknown."""
-    variance = 0.0
+    squares = []
     for index in np.ndindex(values.shape):
         step = np.zeros(values.shape)
         step[index] = _STEP
         slope = (measure(values + step) - measure(values - step)) / (2 * _STEP)
-        variance += (slope * sigma[index]) ** 2
-    return float(np.sqrt(variance))
+        squares.append((slope * float(sigma[index])) ** 2)
+    return float(np.sqrt(sum(squares)))

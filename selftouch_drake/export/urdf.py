@@ -3,7 +3,15 @@
 from xml.etree import ElementTree as ET
 
 from selftouch_drake.export.link_tree import WORLD, Ball, Link, LinkTree, Movement
-from selftouch_drake.export.xml_text import EFFORT, MADE_UP, VELOCITY, child, comment, document, numbers
+from selftouch_drake.export.xml_text import (
+    EFFORT,
+    MADE_UP,
+    VELOCITY,
+    child,
+    comment,
+    document,
+    numbers,
+)
 
 
 def urdf_text(tree: LinkTree) -> str:

@@ -19,9 +19,9 @@ def numbers(values: Iterable[float] | float) -> str:
     return " ".join(repr(float(value) + 0.0) for value in np.atleast_1d(values))  # type: ignore[arg-type]
 
 
-def child(parent: ET.Element, tag: str, text: str | None = None, **attributes: object) -> ET.Element:
+def child(parent: ET.Element, tag: str, text: str | None = None, **attributes: str) -> ET.Element:
     """A new element in another; attributes are written as they are."""
-    found = ET.SubElement(parent, tag, {name: str(value) for name, value in attributes.items()})
+    found = ET.SubElement(parent, tag, attributes)
     found.text = text
     return found
 

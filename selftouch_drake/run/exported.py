@@ -247,14 +247,15 @@ def _surfaces(found: Exported) -> dict[str, "trimesh.Trimesh"]:
     return meshes
 
 
-def _write_meshes(stem: Path, surfaces: Mapping[str, "trimesh.Trimesh"]) -> dict[str, tuple[str, np.ndarray]]:
+def _write_meshes(
+    stem: Path, surfaces: Mapping[str, "trimesh.Trimesh"]
+) -> dict[str, tuple[str, np.ndarray]]:
     """Writes meshes in all formats; returns the file and the middle of each."""
     found = {}
     for name, mesh in surfaces.items():
         for kind in MESHES:
-            data = mesh.export(file_type=kind)
             with written_whole(Path(f"{stem}_{name}.{kind}")) as aside:
-                aside.write_bytes(data.encode() if isinstance(data, str) else data)
+                mesh.export(aside, file_type=kind)
         found[name] = f"{stem.name}_{name}.{MESHES[0]}", np.asarray(mesh.vertices).mean(axis=0)
     return found
 
