@@ -22,6 +22,7 @@ from selftouch_drake.export.tables import (
 )
 from selftouch_drake.export.unit import Unit, extent, unit_from_joints, unit_from_receptors
 from selftouch_drake.export.urdf import urdf_text
+from selftouch_drake.export.xml_text import MADE_UP
 from selftouch_drake.files import write_csv, write_text_whole, written_whole
 from selftouch_drake.run.artifacts import load_body_model, load_representation
 from selftouch_drake.run.directory import RunDirectory
@@ -39,6 +40,9 @@ WRITERS: Mapping[str, Callable[[LinkTree], str]] = {
 }
 #: Formats of meshes; files of robots name the first one.
 MESHES = ("obj", "stl", "ply")
+
+# A move of places by this share of the extent of the skin is rounding.
+_UNSEEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,13 +121,11 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
     target = np.repeat(np.arange(len(model.kernel_part)), np.diff(representation.kernel_offsets))
     seen = replace(model, part_link=_links_of(model, parts))
     pure = with_pure_joints(seen, representation.kernel_q, target)
-    shift_percent = 100 * pure.shift / extent(model)
     comments = [
         f"made by selftouch from the body model of {run.path.name}: {headline(model)}",
         unit.text(),
         *_told(known),
-        f"joints are pure turns or slides; this moves places by {shift_percent:.2g} % of the "
-        "extent of the skin (root mean square)",
+        *_moved_by(pure.shift / extent(model)),
     ]
     return Exported(
         model=similar_model(pure.model, metres=unit.metres, mirrored=known.mirror),
@@ -176,7 +178,8 @@ def export_model(
     without = [f"part_{part}" for part in found.parts if f"part_{part}" not in surfaces]
     if without:
         lines.append(f"no surface was found through the places of {', '.join(without)}")
-    return lines + [f"{comment[0].upper()}{comment[1:]}." for comment in found.comments[1:]]
+    said = [*found.comments[1:], MADE_UP]
+    return lines + [f"{comment[0].upper()}{comment[1:]}." for comment in said]
 
 
 def _exported_parts(run: RunDirectory, model: BodyModel, rejected: bool) -> list[int]:
@@ -229,6 +232,16 @@ def _told(known: Known) -> list[str]:
         return [*found, "surfaces are where the centres of touchers pass: their depth is not known"]
     side = "under" if known.depth >= 0 else "outside"
     return [*found, f"centres of touchers pass {abs(known.depth):g} m {side} the surfaces"]
+
+
+def _moved_by(share: float) -> list[str]:
+    """What it cost to make joints pure, as a share of the extent of the skin."""
+    if share < _UNSEEN:
+        return []
+    return [
+        f"joints purely turn or slide here; this moves places by {100 * share:.2g} % of the extent "
+        "of the skin (root mean square)"
+    ]
 
 
 _MAY_BE_MIRRORED = "all of it may be the mirror image of the body, which feels the same"
