@@ -1,8 +1,11 @@
 """The surface of a part of the skin as a triangle mesh, from the places of its kernels."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.body_model.model import BodyModel, bulge
 from selftouch_drake.lazy import trimesh as lazy_trimesh
@@ -49,6 +52,25 @@ def part_surface(model: BodyModel, part: int, depth: float = 0.0) -> "trimesh.Tr
     if depth:
         mesh.vertices = places + depth * mesh.vertex_normals
     return mesh
+
+
+def with_outward_normals(model: BodyModel, parts: Sequence[int]) -> BodyModel:
+    """The model with receptors' normals that look out of surfaces where these are closed.
+
+    A closed surface knows its outside for sure; the agent guesses it from where touchers come.
+    """
+    normals = model.receptor_normal.copy()
+    for part in parts:
+        mesh = part_surface(model, part)
+        here = np.flatnonzero(
+            (model.receptor_part == part) & np.isfinite(model.receptor_normal).all(axis=1)
+        )
+        if mesh is None or not mesh.is_watertight or not len(here):
+            continue
+        _, nearest = cKDTree(mesh.vertices).query(model.receptor_place[here])
+        inward = np.einsum("ni,ni->n", mesh.vertex_normals[nearest], normals[here]) < 0
+        normals[here[inward]] *= -1
+    return replace(model, receptor_normal=normals)
 
 
 def toucher_surface(shape: np.ndarray, radius: float) -> "trimesh.Trimesh":

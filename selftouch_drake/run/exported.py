@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
+from selftouch_drake.export.experiment_text import directives_text, experiment_text
 from selftouch_drake.export.link_tree import LinkTree, joint_limits, link_tree
 from selftouch_drake.export.mjcf import mjcf_text
 from selftouch_drake.export.pure_joints import with_pure_joints
 from selftouch_drake.export.sdformat import sdformat_text
 from selftouch_drake.export.similar import similar_model
-from selftouch_drake.export.surface import part_surface, toucher_surface
+from selftouch_drake.export.surface import (
+    part_surface,
+    toucher_surface,
+    with_outward_normals,
+)
 from selftouch_drake.export.tables import (
     JOINT_COLUMNS,
     RECEPTOR_COLUMNS,
@@ -163,6 +168,7 @@ def export_model(
                 f"--urdf is {file}, of an unknown format; end it in {', '.join(WRITERS)}"
             )
     found = exported_model(run, known, rejected=rejected)
+    found = replace(found, model=with_outward_normals(found.model, found.parts))
     surfaces = _surfaces(found)
     lines = []
     for stem in dict.fromkeys(file.with_suffix("") for file in files):
@@ -174,6 +180,7 @@ def export_model(
                 write_text_whole(file, text)
                 lines.append(f"body: {file}")
         lines += _write_tables(stem, found)
+        lines += _write_experiment(stem, found, surfaces, files)
         lines += [f"surface: {stem}_{name}.obj (.stl, .ply)" for name in surfaces]
     without = [f"part_{part}" for part in found.parts if f"part_{part}" not in surfaces]
     if without:
@@ -280,3 +287,35 @@ def _write_tables(stem: Path, found: Exported) -> list[str]:
     rows = receptor_rows(found.model, found.receptor_names, found.parts, found.depth)
     write_csv(receptors, RECEPTOR_COLUMNS, rows)
     return [f"joints: {joints}", f"receptors: {receptors}"]
+
+
+def _write_experiment(
+    stem: Path,
+    found: Exported,
+    surfaces: Mapping[str, "trimesh.Trimesh"],
+    files: Sequence[Path],
+) -> list[str]:
+    """Writes an experiment with the robot, if enough is known about it.
+
+    That is metres, touchers that are balls outside the skins, and closed surfaces.
+    """
+    worn = [f"part_{part}" for part in found.parts]
+    closed = all(name in surfaces and surfaces[name].is_watertight for name in worn)
+    if not (found.unit.known and found.depth < 0 and closed):
+        return []
+    file = next(file.name for file in files if file.with_suffix("") == stem)
+    touchers = [f"toucher_{number}" for number in range(len(found.model.toucher_link))]
+    directives, experiment = Path(f"{stem}.dmd.yaml"), Path(f"{stem}.yaml")
+    write_text_whole(directives, directives_text(stem.name, file))
+    skins = {
+        name: (f"{stem.name}_{name}.{MESHES[0]}", np.ptp(surfaces[name].vertices, axis=0))
+        for name in worn
+    }
+    text = experiment_text(
+        directives.name,
+        f"{stem.name}_receptors.csv",
+        skins,
+        dict.fromkeys(touchers, -found.depth),
+    )
+    write_text_whole(experiment, text)
+    return [f"experiment: {experiment}"]
