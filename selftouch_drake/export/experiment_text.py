@@ -14,6 +14,15 @@ _THICKNESS, _THICKNESS_SHARE = 0.03, 0.08
 _RESOLUTION_SHARE, _FINEST, _COARSEST = 0.07, 0.002, 0.03
 
 
+# m, as in other experiments: the size of a toucher whose centre sinks into the skin is not known.
+_RADIUS = 0.01
+
+
+def toucher_radius(depth: float) -> float:
+    """m, of a toucher whose centre passes so deep under the surface; negative if outside."""
+    return -depth if depth < 0 else _RADIUS
+
+
 def directives_text(name: str, file: str) -> str:
     """Drake model directives that add the robot.
 

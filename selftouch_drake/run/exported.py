@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
-from selftouch_drake.export.experiment_text import directives_text, experiment_text
+from selftouch_drake.export.experiment_text import directives_text, experiment_text, toucher_radius
 from selftouch_drake.export.link_tree import LinkTree, joint_limits, link_tree
 from selftouch_drake.export.mjcf import mjcf_text
 from selftouch_drake.export.pure_joints import with_pure_joints
@@ -79,7 +79,7 @@ class Exported:
         parts: of the skin that are exported.
         receptor_names: `(S,)`.
         unit: of the files.
-        depth: as of `Known`, 0 if nobody knows it.
+        depth: as of `Known`; None if nobody knows it.
         comments: what a reader of the files should know.
     """
 
@@ -89,8 +89,13 @@ class Exported:
     parts: Sequence[int]
     receptor_names: Sequence[str]
     unit: Unit
-    depth: float
+    depth: float | None
     comments: Sequence[str]
+
+    @property
+    def surface_depth(self) -> float:
+        """How far above the centres of touchers surfaces lie; 0 if nobody knows it."""
+        return self.depth or 0.0
 
     def tree(self, name: str, meshes: Mapping[str, tuple[str, np.ndarray]]) -> LinkTree:
         """Links and joints; arguments are as of `link_tree`."""
@@ -139,7 +144,7 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
         parts=parts,
         receptor_names=names,
         unit=unit,
-        depth=known.depth or 0.0,
+        depth=known.depth,
         comments=comments,
     )
 
@@ -258,12 +263,12 @@ def _surfaces(found: Exported) -> dict[str, "trimesh.Trimesh"]:
     """Meshes by the name of their link, in its frame; without parts that have none."""
     meshes = {}
     for part in found.parts:
-        mesh = part_surface(found.model, part, found.depth)
+        mesh = part_surface(found.model, part, found.surface_depth)
         if mesh is not None:
             meshes[f"part_{part}"] = mesh
-    if found.depth < 0:  # outside, a ball of that radius touches
+    if found.surface_depth < 0:  # outside, a ball of that radius touches
         for toucher, shape in enumerate(found.model.toucher_shape):
-            meshes[f"toucher_{toucher}"] = toucher_surface(shape, -found.depth)
+            meshes[f"toucher_{toucher}"] = toucher_surface(shape, -found.surface_depth)
     return meshes
 
 
@@ -284,7 +289,7 @@ def _write_tables(stem: Path, found: Exported) -> list[str]:
     limits = joint_limits(found.model, found.slides, found.experience)
     joints, receptors = Path(f"{stem}_joints.csv"), Path(f"{stem}_receptors.csv")
     write_csv(joints, JOINT_COLUMNS, joint_rows(found.model, found.slides, limits))
-    rows = receptor_rows(found.model, found.receptor_names, found.parts, found.depth)
+    rows = receptor_rows(found.model, found.receptor_names, found.parts, found.surface_depth)
     write_csv(receptors, RECEPTOR_COLUMNS, rows)
     return [f"joints: {joints}", f"receptors: {receptors}"]
 
@@ -297,11 +302,11 @@ def _write_experiment(
 ) -> list[str]:
     """Writes an experiment with the robot, if enough is known about it.
 
-    That is metres, touchers that are balls outside the skins, and closed surfaces.
+    That is metres, the depth of touchers, and closed surfaces.
     """
     worn = [f"part_{part}" for part in found.parts]
     closed = all(name in surfaces and surfaces[name].is_watertight for name in worn)
-    if not (found.unit.known and found.depth < 0 and closed):
+    if not (found.unit.known and found.depth is not None and closed):
         return []
     file = next(file.name for file in files if file.with_suffix("") == stem)
     touchers = [f"toucher_{number}" for number in range(len(found.model.toucher_link))]
@@ -315,7 +320,7 @@ def _write_experiment(
         directives.name,
         f"{stem.name}_receptors.csv",
         skins,
-        dict.fromkeys(touchers, -found.depth),
+        dict.fromkeys(touchers, toucher_radius(found.depth)),
     )
     write_text_whole(experiment, text)
     return [f"experiment: {experiment}"]

@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from selftouch_drake.agent.body_model.model import UNUSED, JointKind, rejected
 from selftouch_drake.evaluation.shape import kernel_truth
 from selftouch_drake.experience.store import ExperienceReader
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.robot import World
+from selftouch_drake.robot.skins import MovedReceptorsWarning
 from selftouch_drake.run.artifacts import load_representation, save_body_model
 
 #: The tables are read by programs of others.
@@ -35,13 +39,18 @@ def perfect(small_run, cube_world, truth):
 
     60 of 100 receptors were met, each in the middle of a kernel.
     """
-    model = true_model(cube_world, load_representation(small_run), truth)
-    place = model.kernel_place
+    representation = load_representation(small_run)
+    model = true_model(cube_world, representation, truth)
+    # Kernels lie where the centre of the toucher was, and not where the skin is.
+    target = np.repeat(np.arange(60), np.diff(representation.kernel_offsets))
+    centres = model.place(representation.kernel_q, target)
+    place = np.array([centres[target == kernel].mean(axis=0) for kernel in range(60)])
     normal = place - place.mean(axis=0)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     unmet = np.full((40, 3), np.nan)
     return dataclasses.replace(
         model,
+        kernel_place=place,
         kernel_normal=normal,
         receptor_part=np.repeat([0, -1], [60, 40]),
         receptor_place=np.concatenate([place, unmet]),
@@ -185,6 +194,36 @@ def test_unknown_joints_and_open_ones_are_kept_and_said(run, perfect, tmp_path):
     assert f"{name} is of no use to the model" in text
     assert f"{perfect.joint_names[order[0]]} is open" in text
     assert text.count('type="revolute"') == 6
+
+
+def test_the_export_is_an_experiment_that_is_touched_where_the_body_was(run, tmp_path):
+    file = tmp_path / "again.urdf"
+    # In a soft skin the centre of the finger sinks below the surface.
+    known = (*LENGTH, "--mirror", "--depth", 0.014)
+    done = selftouch("model", run.path, "--urdf", file, *known)
+    assert done.status == 0, done.stderr
+    assert f"experiment: {tmp_path / 'again.yaml'}" in done.stdout.splitlines()
+    shown = selftouch("robot", tmp_path / "again.yaml")
+    assert shown.status == 0, shown.stderr
+    assert "toucher_0  on again::toucher_0  touches part_0" in shown.stdout
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MovedReceptorsWarning)
+        again = World(load_experiment(tmp_path / "again.yaml"))
+    assert again.robot.num_joints == 6
+    q = load_representation(run).kernel_q
+    # 60 places are the corners of a coarse cube.
+    assert len(again.probe.felt(q)[0]) > 0.5 * len(q)
+    rng = np.random.default_rng(0)
+    anywhere = rng.uniform(*again.robot.babbled_range, size=(5000, 6))
+    assert len(again.probe.felt(anywhere)[0]) < 0.1 * len(anywhere)
+
+
+def test_there_is_no_experiment_without_metres_and_depth(run, tmp_path):
+    for number, known in enumerate([(), LENGTH]):
+        file = tmp_path / f"cube_{number}.urdf"
+        done = selftouch("model", run.path, "--urdf", file, *known)
+        assert done.status == 0, done.stderr
+        assert not file.with_suffix(".yaml").exists()
 
 
 def refusals():
