@@ -43,7 +43,7 @@ _WIDE = 160
     type=float,
     metavar="METRES",
     help="How deep under the surface of the skin the centre of the toucher passes; negative if it "
-    "stays outside, as that of a hard ball does.",
+    "stays outside, as that of a ball on a hard skin does.",
 )
 @click.option("--mirror", is_flag=True, help="Write the mirror image.")
 @click.option("--rejected", is_flag=True, help="Write parts that were rejected as well.")
@@ -84,7 +84,7 @@ def model(
 
     \b
     selftouch model runs/cube --urdf cube.urdf --length shoulder_pitch elbow_pitch 0.4
-    selftouch model runs/cube --urdf cube.xml --urdf cube.sdf --distance skin[3] skin[40] 0.25
+    selftouch model runs/cube --urdf cube.xml --urdf cube.sdf --distance body[3] body[40] 0.25
 
     \b
     FILE                  links part_0, ... wear skin; toucher_0, ... are where it is touched from
@@ -92,6 +92,7 @@ def model(
                           from experience, and the standard error of the scale
     STEM_receptors.csv    place, normal and standard error of each receptor, on its part
     STEM_part_0.obj       the surface of a part; .stl and .ply hold the same
+    STEM_experiment.yaml  an experiment with this robot, if length and depth are given
     """  # noqa: D301 - click keeps the lines after a \b as they are
     from selftouch_drake.run.artifacts import load_body_model
     from selftouch_drake.run.directory import RunDirectory

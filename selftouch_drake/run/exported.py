@@ -310,7 +310,8 @@ def _write_experiment(
         return []
     file = next(file.name for file in files if file.with_suffix("") == stem)
     touchers = [f"toucher_{number}" for number in range(len(found.model.toucher_link))]
-    directives, experiment = Path(f"{stem}.dmd.yaml"), Path(f"{stem}.yaml")
+    # Not the stem alone: the user may have an experiment of that name.
+    directives, experiment = (Path(f"{stem}_experiment{end}") for end in (".dmd.yaml", ".yaml"))
     write_text_whole(directives, directives_text(stem.name, file))
     skins = {
         name: (f"{stem.name}_{name}.{MESHES[0]}", np.ptp(surfaces[name].vertices, axis=0))
