@@ -56,7 +56,7 @@ def model(
     mirror: bool,
     rejected: bool,
 ) -> None:
-    """Print what the agent of RUN found out about its joints, or write it as a robot.
+    """Print the joints that the agent found, or export its body.
 
     RUN is a run directory that has learned.
 

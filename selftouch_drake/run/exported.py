@@ -137,8 +137,9 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
         *_told(known),
         *_moved_by(pure.shift / extent(model)),
     ]
+    similar = similar_model(pure.model, metres=unit.metres, mirrored=known.mirror)
     return Exported(
-        model=similar_model(pure.model, metres=unit.metres, mirrored=known.mirror),
+        model=with_outward_normals(similar, parts),
         slides=pure.slides,
         experience=representation.kernel_q,
         parts=parts,
@@ -173,7 +174,6 @@ def export_model(
                 f"--urdf is {file}, of an unknown format; end it in {', '.join(WRITERS)}"
             )
     found = exported_model(run, known, rejected=rejected)
-    found = replace(found, model=with_outward_normals(found.model, found.parts))
     surfaces = _surfaces(found)
     lines = []
     for stem in dict.fromkeys(file.with_suffix("") for file in files):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import made_up_model, sphere_points
 
-from selftouch_drake.export.surface import part_surface, toucher_surface
+from selftouch_drake.export.surface import part_surface, toucher_surface, with_outward_normals
 
 
 def on_a_ball(keep=lambda normal: np.ones(len(normal), dtype=bool), number=300):
@@ -47,6 +47,19 @@ def test_there_is_no_surface_through_a_plane_or_a_few_places():
     assert part_surface(flat, 0) is None
     assert part_surface(on_a_ball(number=9), 0) is None
     assert part_surface(dataclasses.replace(on_a_ball(), dimension=2), 0) is None
+
+
+def test_normals_look_out_of_a_closed_surface():
+    model = on_a_ball()
+    place, outward = model.kernel_place[:5], model.kernel_normal[:5]
+    wrong = outward * [[1], [-1], [1], [-1], [-1]]
+    wrong[4] = np.nan
+    model = dataclasses.replace(
+        model, receptor_part=np.zeros(5, dtype=int), receptor_place=place, receptor_normal=wrong
+    )
+    found = with_outward_normals(model, [0]).receptor_normal
+    np.testing.assert_array_equal(found[:4], outward[:4])
+    assert np.isnan(found[4]).all()
 
 
 def test_a_toucher_is_a_ball_or_what_its_shape_says():
