@@ -17,7 +17,7 @@ test: $(VENV)/.installed-test  ## run the tests: minutes on two cores
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
 test-all: test  ## run the slow tests too: notebooks, site, browser, robots, benchmarks
-	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
+	$(BIN)/python -m pytest -n auto --dist worksteal -m slow
 
 fuzz: $(VENV)/.installed-test  ## give thousands of broken inputs to all parsers
 	SELFTOUCH_FUZZ=1000 $(BIN)/python -m pytest tests/test_fuzz.py -n 0 -s

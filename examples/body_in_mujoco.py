@@ -26,7 +26,7 @@ class MuJoCoBody:
         self.num_receptors = len(self.readings)
 
     def feel(self, q):
-        """As of `Body`."""
+        """As in `Body`."""
         sensation, reached = np.zeros((len(q), self.num_receptors)), np.zeros(len(q), bool)
         for row, posture in enumerate(q):
             self.data.qpos[self.address], self.data.qvel[:] = posture, 0.0
@@ -36,7 +36,7 @@ class MuJoCoBody:
         return Felt(q=q, sensation=sensation, reached=reached)
 
     def follow(self, time_s, q):
-        """As of `Body`."""
+        """As in `Body`."""
         felt = self.feel(q)
         return Followed(time_s=time_s, q=felt.q, sensation=felt.sensation)
 

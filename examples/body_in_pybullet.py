@@ -26,7 +26,7 @@ class PyBulletBody:
         self.taxels, self.width, self.deepest = np.c_[GRID, [0.01] * len(GRID)], width, deepest
 
     def feel(self, q):
-        """As of `Body`."""
+        """As in `Body`."""
         sensation, reached = np.zeros((len(q), self.num_receptors)), np.ones(len(q), bool)
         for row, posture in enumerate(q):
             for joint, position in zip(self.joints, posture, strict=True):
@@ -41,7 +41,7 @@ class PyBulletBody:
         return Felt(q=q, sensation=sensation, reached=reached)
 
     def follow(self, time_s, q):
-        """As of `Body`."""
+        """As in `Body`."""
         felt = self.feel(q)
         return Followed(time_s=time_s, q=felt.q, sensation=felt.sensation)
 

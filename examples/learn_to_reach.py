@@ -116,7 +116,7 @@ class Until(BaseCallback):
 
 
 def train_policy(seconds):
-    """A policy, and how its training went, as of `Until`."""
+    """A policy, and how its training went, as in `Until`."""
     policy = PPO(
         "MultiInputPolicy",
         Robots(64),

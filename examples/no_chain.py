@@ -45,7 +45,7 @@ class Arm:
         return place
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`."""
+        """As in `Body`."""
         place = self.tip(q)
         far = np.linalg.norm(place, axis=1, keepdims=True)
         depth = np.clip(RADIUS - far, 0.0, None)
@@ -54,7 +54,7 @@ class Arm:
         return Felt(q=q, sensation=depth * np.clip(cosine - 0.85, 0.0, None), reached=reached)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`."""
+        """As in `Body`."""
         return Followed(time_s=time_s, q=q, sensation=self.feel(q).sensation)
 
 

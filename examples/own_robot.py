@@ -74,13 +74,13 @@ class MyRobot:
         return True
 
     def feel(self, q):
-        """As of `Body`."""
+        """As in `Body`."""
         rows = [(self.go(posture), *self.read()) for posture in q]
         reached, where, felt = map(np.array, zip(*rows, strict=True))
         return Felt(q=where, sensation=felt, reached=reached)
 
     def follow(self, time_s, q):
-        """As of `Body`; it ends early where it is pressed too hard."""
+        """As in `Body`; it ends early where it is pressed too hard."""
         self.go(q[0])
         began, rows = time.monotonic(), []
         while (now := time.monotonic() - began) < time_s[-1]:

@@ -4,11 +4,13 @@
     python benchmarks/accuracy/body_model.py turning_body --seeds 5 6 --touches 20000
     python benchmarks/accuracy/body_model.py gantry --seeds 5 --touches 1000
     python benchmarks/accuracy/body_model.py cube --seeds 5 --corrupt labels 0.3
+    python benchmarks/accuracy/body_model.py infant --seeds 1 2 --radius 0.024
 
 For each seed a run is made (or taken from --runs), its joints are shuffled, and the body is found.
 Printed are the root mean square error of places of single touches and of means over kernels, in %
 of the skin's extent after one similarity for each part, whether the order of joints is right,
-whether the body was accepted, and the seconds of the fit.
+whether the body was accepted, and the seconds of the fit. With --radius also the error of contacts:
+places less the toucher's mean radius along the skin's normal, which touch cannot tell.
 """
 
 import argparse
@@ -21,6 +23,8 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from selftouch_drake.agent.body_model.find import find_body_model
+from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.body_model.support import beside, blended_normals
 
 TOUCHES = {
     "turning_body": 20_000, "gantry": 30_000, "two_arms": 60_000, "infant": 60_000,
@@ -92,6 +96,25 @@ def misfit(found: np.ndarray, true: np.ndarray, extent: float) -> float:
     U, s, V = np.linalg.svd(a.T @ b)
     apart = (s.sum() / (a**2).sum()) * a @ (U @ V) - b
     return 100 * float(np.sqrt((apart**2).sum(axis=1).mean())) / extent
+
+
+def contacts(
+    model: BodyModel, place: np.ndarray, target: np.ndarray, true: np.ndarray, radius: float
+) -> np.ndarray:
+    """`(n, 3)` where touchers of a mean radius in metres touch one part.
+
+    The truth gives the scale.
+    """
+    part = model.kernel_part == model.kernel_part[target[0]]
+    of_part = np.where(part[:, None], model.kernel_place, np.nan)
+    near = beside(of_part, model.kernel_part)
+    normal = blended_normals(of_part, model.kernel_normal, near, place)
+    found = place
+    for _ in range(30):
+        a, b = found - found.mean(axis=0), true - true.mean(axis=0)
+        scale = np.linalg.svd(a.T @ b)[1].sum() / (a**2).sum()
+        found = place - radius / scale * normal
+    return found
 
 
 def means(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -169,13 +192,16 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
     result = []
     for number in range(len(model.accepted_by_part)):
         own = (part[target] == number) & truth.single & np.isfinite(place).all(axis=1)
-        errors = (np.nan, np.nan)
+        errors, touched = (np.nan, np.nan), ""
         if own.sum() > 20:
             extent = float(np.linalg.norm(np.ptp(truth.place[own], axis=0)))
             of_kernels = misfit(
                 means(place[own], target[own]), means(truth.place[own], target[own]), extent
             )
             errors = (misfit(place[own], truth.place[own], extent), of_kernels)
+            if args.radius:
+                at = contacts(model, place[own], target[own], truth.place[own], args.radius)
+                touched = f"  contacts {misfit(at, truth.place[own], extent):5.2f} %"
         accepted = bool(model.accepted_by_part[number])
         hands = ""
         if len(model.toucher_link) > 1 and own.any():
@@ -189,7 +215,7 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
             f"{name:20s} seed {seed:3d} part {number}  {own.sum():6d} touches",
             f"place {errors[0]:6.2f} kernels {errors[1]:6.2f} %  order right {right:3s}",
             f"accepted {accepted!s:5s}  near {model.held_out[number]:.3f}",
-            f"inliers {model.inliers[number]:.3f}{hands}  {seconds:5.1f} s",
+            f"inliers {model.inliers[number]:.3f}{hands}{touched}  {seconds:5.1f} s",
             sep="  ",
             flush=True,
         )
@@ -206,6 +232,7 @@ def main() -> None:
     parser.add_argument("--touches", type=int, default=0)
     parser.add_argument("--runs", type=Path, default=Path("runs/body_model"))
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--radius", type=float, default=0.0, help="metres, of the touchers")
     kinds = "; ".join(f"{kind}: {what}" for kind, what in CORRUPTIONS.items())
     parser.add_argument("--corrupt", nargs=2, metavar=("KIND", "AMOUNT"), help=kinds)
     args = parser.parse_args()

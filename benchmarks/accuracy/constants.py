@@ -38,7 +38,7 @@ import numpy as np
 from selftouch_drake import quotient
 from selftouch_drake.evaluation.shape import neighbour_agreement, shape_rms_fraction
 from selftouch_drake.experience.store import ExperienceReader
-from selftouch_drake.quotient import MotorPath, Representation, Shape, Ways
+from selftouch_drake.quotient import MotorPath, PlanningGraph, Representation, Shape
 from selftouch_drake.quotient.learn import learn
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import make_world
@@ -109,8 +109,8 @@ class Touches:
         shape = before.shape if before and stage == "plan" else quotient.recover(known)
         if before and stage == "recover":
             return Found(representation=known, shape=shape, plans=before.plans)
-        ways = Ways.of(known)
-        plans = [quotient.plan(known, *pair, ways=ways) for pair in self.pairs]
+        planning_graph = PlanningGraph.of(known)
+        plans = [quotient.plan(known, *pair, planning_graph=planning_graph) for pair in self.pairs]
         return Found(representation=known, shape=shape, plans=plans)
 
     def scores(self, found: Found) -> dict[str, Any]:
@@ -125,8 +125,8 @@ class Touches:
             "holes": "" if holes is None else "".join(map(str, holes.betti)),
             "margin": 0.0 if holes is None else round(holes.margin, 2),
             "dimension": round(shape.dimension or 0.0, 2),
-            "skin": shape.skin,
-            "space": shape.space,
+            "skin": shape.skin_dimension,
+            "space": shape.space_dimension,
             "near": round(neighbour_agreement(known.set_distance, true), 3),
             "contact": round(100 * float(np.mean(contact)), 2),
             "worst": round(100 * min(contact), 1),
@@ -166,7 +166,7 @@ def same(one: Found, other: Found) -> bool:
 def _arrays(found: Found) -> list[np.ndarray]:
     known, shape, holes = found.representation, found.shape, found.shape.topology
     arrays = [known.target_sensations, known.kernel_row, known.joint_scale, known.set_distance]
-    arrays += [known.edges, known.edge_cost, shape.positions, np.array(shape.space)]
+    arrays += [known.edges, known.edge_cost, shape.positions, np.array(shape.space_dimension)]
     arrays += [np.array([shape.dimension or np.nan])]
     arrays += [np.array([*holes.betti, holes.margin]) if holes else np.zeros(0)]
     return arrays + [array for plan in found.plans for array in (plan.nodes, plan.path.c)]

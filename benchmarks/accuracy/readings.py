@@ -42,7 +42,7 @@ def touched(world: World, number: int, seed: int) -> tuple[np.ndarray, np.ndarra
     robot, probe = world.robot, world.probe
     while count < number:
         q = rng.uniform(*robot.babbled_range, (_POSTURES, robot.num_joints)).astype(np.float32)
-        rows, touches = probe.felt(q)
+        rows, touches = probe.felt_rows(q)
         once = np.bincount(touches.row, minlength=len(rows)) == 1
         kept = once & ~probe.impossible(q[rows])
         place = touches.of_rows(np.flatnonzero(kept)).p_LC

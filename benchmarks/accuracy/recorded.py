@@ -36,7 +36,7 @@ from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.tries import reached
 from selftouch_drake.bodies.checked import CheckedBody
-from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.run.imported import free_rows, imported_experiment, read_data, timed
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
@@ -102,7 +102,7 @@ def pairs_within_parts(agent: Agent, num: int) -> list[tuple[int, int]]:
     return pairs
 
 
-def judged(motions: list[Motion], body: LivingBody, agent: Agent) -> dict[str, float]:
+def judged(motions: list[Motion], body: UserBody, agent: Agent) -> dict[str, float]:
     """Means over motions that the body follows without dynamics."""
     contact, goals, overlap = [], [], []
     for motion in motions:
@@ -128,7 +128,7 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
     assert experiment.imported is not None
     felt = data.felt
     agent = Agent.learn(felt.q, felt.sensation, num_targets=options.targets, seed=seed)
-    body = LivingBody(CheckedBody(raw), felt.baseline)
+    body = UserBody(CheckedBody(raw), felt.baseline)
     recorded = Recorded(agent.representation, free_rows(data, seed)["q"])
     pairs = pairs_within_parts(agent, options.pairs)
     for way in ("typical start", "recording", "body"):

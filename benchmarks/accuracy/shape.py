@@ -152,7 +152,7 @@ def score(body: RecoveredBody, seconds: float) -> dict[str, object]:
     return {
         "betti": ", ".join(" ".join(map(str, one.betti)) for one in found),
         "margin": round(min(one.margin for one in found), 2),
-        "dimension": round(intrinsic_dimension(largest.distances, largest.skin), 2),
+        "dimension": round(intrinsic_dimension(largest.distances, largest.skin_dimension), 2),
         "fourth_eigenvalue": round(max(layout.fourth_eigenvalue for layout in layouts), 4),
         "stress": round(max(layout.stress for layout in layouts), 5),
         "metric_cpu_s": round(seconds, 1),

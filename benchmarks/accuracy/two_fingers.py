@@ -35,7 +35,8 @@ from selftouch_drake.quotient.dimension import intrinsic_dimension
 from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
 from selftouch_drake.quotient.kernels import KernelSets
-from selftouch_drake.quotient.paths import geodesics, locally_scaled
+from selftouch_drake.quotient.lengths import locally_scaled
+from selftouch_drake.quotient.paths import geodesics
 from selftouch_drake.quotient.sensations import assign, strength, target_sensations
 from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase

@@ -190,10 +190,10 @@ def measure_steps(turns: int) -> dict[str, float]:
         away = q[~BroadPhase(world.robot).near(q).any(axis=1)]
         away = np.resize(away, (num_steps, q.shape[1]))
         # A probe builds its screen when it has been asked for many configurations.
-        world.probe.felt(np.resize(away, (250_000, q.shape[1])))
+        world.probe.felt_rows(np.resize(away, (250_000, q.shape[1])))
         ways[f"{name}, walk"] = lambda _, w=walk: [w.steps(_BATCH) for _ in range(10)]
         ways[f"{name}, screen"] = lambda _, p=world.probe, a=away: [
-            p.felt(a[k * _BATCH : (k + 1) * _BATCH]) for k in range(10)
+            p.felt_rows(a[k * _BATCH : (k + 1) * _BATCH]) for k in range(10)
         ]
     return {name: num_steps / seconds for name, seconds in in_turn(ways, turns).items()}
 

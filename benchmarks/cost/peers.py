@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.quotient.distances import _NOT_TOLD, _nearest_squared
+from selftouch_drake.quotient.distances import _nearest_squared
 
 
 def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: int) -> list[dict]:
@@ -27,12 +27,13 @@ def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: 
     doubles = [np.asarray(members, dtype=float) for members in sets]
     members, offsets = np.concatenate(sets), np.cumsum([0, *map(len, sets)])
     nearest_squared = _nearest_squared(members.shape[1], False)
+    no_rows = np.empty((0, 0), dtype=np.int32)  # nobody asks which members are nearest
 
     def here() -> list[np.ndarray]:
         tables = [np.empty((num_sets, len(a)), dtype=np.float32) for a in sets]
         for a, table in zip(sets, tables, strict=True):
             nearest_squared(
-                np.ascontiguousarray(a.T), members, offsets[:-1], offsets[1:], table, _NOT_TOLD
+                np.ascontiguousarray(a.T), members, offsets[:-1], offsets[1:], table, no_rows
             )
         return [np.sqrt(table) for table in tables]
 

@@ -85,13 +85,13 @@ class Baby:
         self.num_receptors = len(self._sensation)
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`."""
+        """As in `Body`."""
         path = np.concatenate([self._q[None], q])
         felt = self.follow(0.25 * np.arange(len(path)), path).felt()
         return felt.of_rows(np.linspace(0, len(felt.q) - 1, len(q) + 1).astype(int)[1:])
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`; when an episode ends, it goes on from where the next one begins."""
+        """As in `Body`; when an episode ends, it goes on from where the next one begins."""
         times = np.arange(0.0, time_s[-1] + 1e-9, LOOK * self._step_s)
         path = np.stack([np.interp(times, time_s, column) for column in q.T], axis=1)
         where, felt = [self._q], [self._sensation]

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART
 from selftouch_drake.evaluation.shape import KernelTruth, parts_on_skins, shape_errors
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
@@ -90,7 +90,7 @@ def row_of(run: RunDirectory, body: foreign_bodies.Posed) -> dict[str, Any]:
         "joints": len(body.joint_names),
         "receptors": body.num_receptors,
         "parts": representation.num_parts,
-        "links": int((on_skin >= LEAST_KERNELS).sum()),
+        "links": int((on_skin >= LEAST_OF_PART).sum()),
         "links_apart": sum(shown.count(part) == 1 for part in shown),
         "trusted": figure("shape_trusted"),
         "contact_before_practice": figure("unpractised_contact_mean"),

@@ -56,14 +56,14 @@ class Posed(ABC):
         self.places, self.num_receptors = places, len(places)
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`."""
+        """As in `Body`."""
         sensation, reached = np.zeros((len(q), self.num_receptors)), np.zeros(len(q), dtype=bool)
         for row, posture in enumerate(q):
             sensation[row], reached[row] = self.felt_at(posture)
         return Felt(q=q, sensation=sensation, reached=reached)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`, under dynamics."""
+        """As in `Body`, under dynamics."""
         times = np.arange(0.0, time_s[-1] + 1e-9, LOOK_S)
         path = np.stack([np.interp(times, time_s, column) for column in q.T], axis=1)
         where, felt = np.zeros_like(path), np.zeros((len(path), self.num_receptors))
@@ -100,19 +100,19 @@ class InMuJoCo(Posed):
         super().__init__(names, model.jnt_range[joints].T, **skin)
 
     def felt_at(self, posture: np.ndarray) -> tuple[np.ndarray, bool]:
-        """As of `Posed`."""
+        """As in `Posed`."""
         self.data.qpos[self.address], self.data.qvel[:] = posture, 0.0
         self.mujoco.mj_forward(self.model, self.data)
         reached = self.data.contact.dist.min(initial=0.0) > -self.deepest
         return self.readings() if reached else np.zeros(self.num_receptors), bool(reached)
 
     def begin(self, posture: np.ndarray) -> None:
-        """As of `Posed`."""
+        """As in `Posed`."""
         self.data.qpos[self.address], self.data.qvel[:] = posture, 0.0
         self._held, self._asked = self.data.qpos.copy(), np.array(posture)
 
     def moved(self, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As of `Posed`: torques as the model computes them; what is not a joint stays put."""
+        """As in `Posed`: torques as the model computes them; what is not a joint stays put."""
         model, data, force = self.model, self.data, np.zeros(self.model.nv)
         steps = max(1, round(LOOK_S / model.opt.timestep))
         asked = np.linspace(self._asked, target, steps + 1)
@@ -345,18 +345,18 @@ class PyCub(Posed):
         self.always = set(self._overlaps())
 
     def felt_at(self, posture: np.ndarray) -> tuple[np.ndarray, bool]:
-        """As of `Posed`."""
+        """As in `Posed`."""
         self._put(posture)
         if any(pair not in self.always for pair in self._overlaps()):
             return np.zeros(self.num_receptors), False
         return self._readings(), True
 
     def begin(self, posture: np.ndarray) -> None:
-        """As of `Posed`."""
+        """As in `Posed`."""
         self._put(posture)
 
     def moved(self, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As of `Posed`: by PyBullet's own servos."""
+        """As in `Posed`: by PyBullet's own servos."""
         # Fingers and all else are held, or contacts move them for good.
         self.p.setJointMotorControlArray(
             self.robot,

@@ -45,7 +45,7 @@ from sklearn.neural_network import MLPRegressor
 
 from selftouch_drake.agent.readings.found_touches import find_touches
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.quotient.sensations import assign
@@ -249,7 +249,7 @@ def in_parts(
     places, kept = np.zeros((len(items), 3)), np.full(len(items), -1)
     for number in np.unique(part[part >= 0]):
         here = np.flatnonzero(part == number)
-        if len(here) >= LEAST_KERNELS:
+        if len(here) >= LEAST_OF_PART:
             places[here], kept[here] = lay(items[here], seed), number
     return places, kept
 

@@ -44,9 +44,9 @@ class Agent:
         memory: what it learned from practice and rehearsals.
         kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
             representation; it makes prediction errors five times smaller. None if not kept.
-        knot_spacing: as of `Planner`.
-        touch_model: as of `Planner`.
-        prefer: as of `Planner`.
+        knot_spacing: as in `Planner`.
+        touch_model: as in `Planner`.
+        prefer: as in `Planner`.
     """
 
     representation: QuotientRepresentation
@@ -85,8 +85,12 @@ class Agent:
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
-        sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
-        found = learn(lambda: [(sensation, q)], **sizes, seed=seed).representation
+        found = learn(
+            lambda: [(sensation, q)],
+            num_targets=num_targets,
+            max_kernel_size=max_kernel_size,
+            seed=seed,
+        ).representation
         felt = kernel_sensations(found.kernel_row, [sensation])
         touch_model = TouchModel.learn(found, lambda: felt, seed=seed)
         return cls.of(found, kernel_sensation=felt, touch_model=touch_model)
@@ -109,8 +113,9 @@ class Agent:
         """
         from selftouch_drake.agent.body_model.asking import ask_for_model  # not needed to plan
 
-        known = self.representation, self.kernel_sensation
-        return ask_for_model(*known, joint_names=joint_names, seed=seed)
+        return ask_for_model(
+            self.representation, self.kernel_sensation, joint_names=joint_names, seed=seed
+        )
 
     def recalling(self, memory: RehearsalMemory) -> "Agent":
         """The same agent with another memory."""
@@ -128,7 +133,7 @@ class Agent:
 
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
-        The first target is None if nothing is felt at `q_start`. Arguments and errors are as of
+        The first target is None if nothing is felt at `q_start`. Arguments and errors are as in
         `Planner.plan`: options are `aside`, `lift_off` and `limits`.
         """
         if q_start is None:
@@ -149,14 +154,30 @@ class Agent:
             self.representation, plan, s, self.kernel_sensation, self.touch_model
         )
 
-    def motion(self, plan: Plan, *, dry_run: "DryRun | None" = None, **timed: np.ndarray) -> Motion:
+    def motion(
+        self,
+        plan: Plan,
+        *,
+        time_s: np.ndarray,
+        s: np.ndarray,
+        q: np.ndarray,
+        v: np.ndarray,
+        dry_run: "DryRun | None" = None,
+    ) -> Motion:
         """A plan with times and with the sensations that the agent expects.
 
-        `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as of `predict`.
+        The arrays are as in `Motion`, the dry run is as in `predict`.
         """
-        expected = self.predict(plan, timed["s"], dry_run)
-        found = {"predicted": expected.sensation, "predicted_spread": expected.spread}
-        return Motion(plan=plan, **timed, **found)
+        expected = self.predict(plan, s, dry_run)
+        return Motion(
+            plan=plan,
+            time_s=time_s,
+            s=s,
+            q=q,
+            v=v,
+            predicted=expected.sensation,
+            predicted_spread=expected.spread,
+        )
 
     @cached_property
     def planner(self) -> Planner:

@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -92,11 +91,16 @@ class Slides(Record):
         passed, felt = self.between(x_from, x_to)
         if not len(passed):
             return passed, felt
-        way = [x_from, *passed, x_to]
-        parts = [self.between(*ends) for ends in pairwise(way)]
-        x = [x for (mend, _), at in zip(parts, way[1:], strict=True) for x in (*mend, at)]
-        node = [n for (_, mend), at in zip(parts, [*felt, -1], strict=True) for n in (*mend, at)]
-        return np.array(x[:-1]), np.array(node[:-1])
+        x: list[np.ndarray] = []
+        node: list[int] = []
+        before = x_from
+        for here, here_felt in zip(passed, felt, strict=True):
+            replaced, replaced_felt = self.between(before, here)
+            x += [*replaced, here]
+            node += [*replaced_felt, here_felt]
+            before = here
+        replaced, replaced_felt = self.between(before, x_to)
+        return np.array([*x, *replaced]), np.array([*node, *replaced_felt])
 
     def within(self, lower: np.ndarray, upper: np.ndarray) -> "Slides":
         """The slides that stay between `lower` and `upper`, `(J,)` each."""

@@ -86,7 +86,7 @@ class Pilot:
     def plan(self, *targets: int) -> PlannedMotion:
         """Plans through two or more target sensations, in order.
 
-        The motion starts at a configuration of the first, as of `start_of`.
+        The motion starts at a configuration of the first, as in `start_of`.
 
         Raises:
             NoWayError: none was found.
@@ -111,9 +111,10 @@ class Pilot:
         return self._planned([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
-        """`(J,)` the start of the motion: any configuration of the first kernel, by the seed.
+        """`(J,)` where the motion starts: a configuration of the first kernel.
 
-        A body that travels goes there: to where the way is best known, of what it reaches.
+        The seed draws it for a body that jumps. A body that travels has to go there first. It
+        starts where the plan strays least from what was recorded, among the places that it reaches.
         """
         known = self.agent.representation
         if not self.body.jumps:
@@ -123,8 +124,8 @@ class Pilot:
         rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
         return members[rng.integers(len(members))].astype(float)
 
-    def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
-        """The timed plan, with what the agent expects to feel, as of `Agent.predict`."""
+    def motion(self, plan: Plan, last_run: DryRun | None = None) -> Motion:
+        """The timed plan, with what the agent expects to feel, as in `Agent.predict`."""
         timed = time_path(
             plan.path,
             velocity_limit=self.body.velocity,
@@ -139,7 +140,7 @@ class Pilot:
             s=_held(timed.s, num_resting),
             q=_held(timed.q, num_resting),
             v=_held(timed.v, num_resting),
-            dry_run=felt,
+            dry_run=last_run,
         )
 
     def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Followed]:
@@ -207,7 +208,7 @@ class Pilot:
         """Plans and practises the plan."""
         began = time.perf_counter()
         found = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
-        motion = self.motion(found.plan, found.felt)
+        motion = self.motion(found.plan, found.dry_run)
         return PlannedMotion(
             agent=found.agent,
             plan=found.plan,

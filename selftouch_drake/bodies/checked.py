@@ -148,7 +148,7 @@ class CheckedBody(AbstractContextManager):
         self.robot_s = 0.0
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`; what is beyond the limits is felt at the limit, and not reached.
+        """As in `Body`; what is beyond the limits is felt at the limit, and not reached.
 
         Raises:
             BodyError: the body raised an error, did not return in time, or returned what it must
@@ -167,10 +167,10 @@ class CheckedBody(AbstractContextManager):
         )
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`; the times of what was measured need not be those that were asked for.
+        """As in `Body`; the times of what was measured need not be those that were asked for.
 
         Raises:
-            BodyError: as of `feel`.
+            BodyError: as in `feel`.
         """
         time_s, q = np.asarray(time_s, dtype=float), np.asarray(q, dtype=float)
         asked = q.clip(self.lower, self.upper)

@@ -114,7 +114,7 @@ class _Joints:
 
 
 class DrakeBody(_Joints):
-    """A robot without dynamics: it can be at any configuration at once; margin as of `DrakeFelt`.
+    """A robot without dynamics: it can be at any configuration at once; margin as in `DrakeFelt`.
 
     Attributes:
         unit: `(J,)` how far a joint moves where a revolute one turns by a radian.
@@ -168,7 +168,7 @@ class DrakeDynamicBody(_Joints):
         jumps: whether it may be put anywhere at rest, as a simulation may; otherwise it travels.
 
     Attributes:
-        unit: as of `DrakeBody`.
+        unit: as in `DrakeBody`.
         offsets: `(G,)` mu, displacements that the touch servo distinguishes.
         robot_s: s, time of the robot so far.
     """
@@ -280,8 +280,8 @@ class DrakeBabblingBody(DrakeDynamicBody):
     def __init__(self, world: World, experiment: Experiment):
         super().__init__(world, jumps=experiment.babbling.jumps)
         self._experiment = experiment
-        # The diagram in which the robot is.
-        self._runs: RunningDiagram
+        # The diagram in which the robot is now; there is none before its first walk.
+        self._running: RunningDiagram
 
     @cached_property
     def _simulation(self) -> Simulation:
@@ -313,10 +313,10 @@ class DrakeBabblingBody(DrakeDynamicBody):
         else:
             needs = float(np.max(np.abs(first - self._at) / self.velocity)) / _SLOWLY
             approach_s = max(needs, _SETTLED_S)
-            q, v = self._runs.q.copy(), self._runs.v.copy()
+            q, v = self._running.q.copy(), self._running.v.copy()
             babbling.go_on_to(walk, q, v, self._at, approach_s)
             self.robot_s += approach_s
-        self._runs, began, num_batches = babbling, babbling.time_s, 0
+        self._running, began, num_batches = babbling, babbling.time_s, 0
 
         def go_on() -> DrakeFelt:
             nonlocal num_batches
@@ -331,20 +331,20 @@ class DrakeBabblingBody(DrakeDynamicBody):
         return go_on
 
     def feel(self, q: np.ndarray) -> DrakeFelt:
-        """As of `DrakeDynamicBody`."""
+        """As in `DrakeDynamicBody`."""
         self._leave_the_walk()
         return super().feel(q)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> DrakeFollowed:
-        """As of `DrakeDynamicBody`, in straight pieces."""
+        """As in `DrakeDynamicBody`, in straight pieces."""
         self._leave_the_walk()
         return super().follow(time_s, q)
 
     def _leave_the_walk(self) -> None:
         """The robot goes on in the diagram of paths, from where it is and as fast as it is."""
-        if self._at is not None and self._runs is not self._simulation:
-            self._simulation.take_over(self._at, self._runs.q.copy(), self._runs.v.copy())
-        self._runs = self._simulation
+        if self._at is not None and self._running is not self._simulation:
+            self._simulation.take_over(self._at, self._running.q.copy(), self._running.v.copy())
+        self._running = self._simulation
 
     def _jump_and_follow(
         self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile | None = None

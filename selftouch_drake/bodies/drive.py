@@ -34,9 +34,12 @@ _SAME = 0.35
 #: s, the lag of a joint whose action sets its velocity.
 _PROMPT_S = 0.06
 
-#: Feedback: rad per step, and the most rad/s; more damping than critical, because joints carry more
-#: in other postures. Errors are integrated at these rates.
-_FIRMNESS, _FASTEST, _DAMPING = 0.3, 20.0, 1.2
+#: Natural frequency of the feedback, in rad per step, and the most of it, in rad/s.
+_FIRMNESS, _FASTEST = 0.3, 20.0
+#: Its damping, over the critical one: more than 1, because joints carry more in other postures.
+_DAMPING = 1.2
+#: Rates at which errors are integrated, by what an action sets: 1/s for positions, else shares of
+#: that frequency.
 _PATIENCE = {"position": 2.0, "velocity": 0.5, "torque": 0.3}
 
 #: A trial: the actions `(n, A)` of an episode that begins as always; `(n, J)` where it then was.
@@ -95,49 +98,17 @@ def find_actions(
     low, high = np.where(np.isfinite(low), low, -1.0), np.where(np.isfinite(high), high, 1.0)
     neutral = np.zeros(len(low)).clip(low, high)
     held = max(4, round(_HOLD_S / step_s))
-    quiet = np.tile(neutral, (2 * held, 1))
-    still = trial(quiet)
-    chance = _ABOVE_CHANCE * np.abs(trial(quiet) - still).max(axis=0)
-    least = np.maximum(chance, _LEAST_EFFECT * span)
-    responses = np.zeros((len(low), 2 * held, len(span)))
-    for action, ends in enumerate(zip(high - neutral, low - neutral, strict=True)):
-        # One way and, if nothing moves, as of a joint that rests at its limit, the other.
-        for push in np.outer(sorted(ends, key=abs, reverse=True), _STRENGTHS).flat:
-            pushed = quiet.copy()
-            pushed[:held, action] += push
-            moved = trial(pushed) - still
-            most = np.abs(moved).max(axis=0)
-            responses[action] = np.where(most > least, moved, 0.0) / (push or 1.0)
-            if (most > np.maximum(_LITTLE * span, least)).any():
-                break
+    still, responses = _responses(trial, neutral, low, high, span, held)
     strength = np.abs(responses).max(axis=1)
-    if not strength.any():
-        raise BodyError(
-            f"no action moves a joint: {len(low)} were tried; name others as `joints`, or say what "
-            "an action sets"
-        )
-    for name, moves in zip(joint_names, strength.any(axis=0), strict=True):
-        if not moves:
-            raise BodyError(f"no action moves {name}; leave it out of `joints`")
+    _require_motion(strength, joint_names)
     # How each joint answers the action that moves it most.
     own = responses[strength.argmax(axis=0), :, np.arange(len(span))].T
-    kind, lag_s = kind or _kind(own, held, step_s), np.zeros(len(span))
+    kind = kind or _kind(own, held, step_s)
+    lag_s = np.zeros(len(span))
     if kind == "position":
-        settled = slice(3 * held // 4, held)
-        effect = responses[:, settled].mean(axis=1).T
-        share = own[:held] / own[settled].mean(axis=0)
-        lag_s = step_s * (1 - share).sum(axis=0).clip(0.0, held / 2)
-    elif kind == "velocity":
-        half = held // 2
-        effect = (responses[:, held - 1] - responses[:, half - 1]).T / ((held - half) * step_s)
-    else:
-        # Before friction and gravity make a difference.
-        square = np.square(step_s * np.arange(1, 4)) / 2
-        effect = (square @ responses[:, :3]).T / (square @ square)
-    unit = np.ones(effect.shape)  # of each joint, and of each action
-    for axis in (1, 0):
-        most = np.abs(effect / unit).max(axis=axis, keepdims=True)
-        unit *= np.where(most > 0, most, 1.0)
+        lag_s = _position_lags(own, held, step_s)
+    effect = _effects(kind, responses, held, step_s)
+    unit = _unit_effects(effect)
     if kind == "torque":
         effect = np.where(np.abs(effect) < _CARRIED * unit, 0.0, effect)
     if (num := np.linalg.matrix_rank(effect / unit, tol=_TOGETHER)) < len(span):
@@ -156,6 +127,82 @@ def find_actions(
         lag_s=lag_s,
         step_s=step_s,
     )
+
+
+def _responses(
+    trial: Trial,
+    neutral: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    span: np.ndarray,
+    held: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where joints stay if nothing pushes them, and how they answer each action by itself.
+
+    Each action is held for so many steps, and watched for as many afterwards. Returns `(2 held, J)`
+    positions under the neutral actions `(A,)`, and `(A, 2 held, J)` changes of position per unit of
+    action; 0 of a joint that does not move by more than chance.
+    """
+    quiet = np.tile(neutral, (2 * held, 1))
+    still = trial(quiet)
+    chance = _ABOVE_CHANCE * np.abs(trial(quiet) - still).max(axis=0)
+    least = np.maximum(chance, _LEAST_EFFECT * span)
+    responses = np.zeros((len(low), 2 * held, len(span)))
+    for action, ends in enumerate(zip(high - neutral, low - neutral, strict=True)):
+        # One way first. Where nothing moves, as a joint that rests at its limit, the other way.
+        for push in np.outer(sorted(ends, key=abs, reverse=True), _STRENGTHS).flat:
+            pushed = quiet.copy()
+            pushed[:held, action] += push
+            moved = trial(pushed) - still
+            most = np.abs(moved).max(axis=0)
+            responses[action] = np.where(most > least, moved, 0.0) / (push or 1.0)
+            if (most > np.maximum(_LITTLE * span, least)).any():
+                break
+    return still, responses
+
+
+def _require_motion(strength: np.ndarray, joint_names: Sequence[str]) -> None:
+    """Raises a `BodyError` unless each joint is moved by an action: `(A, J)` strengths."""
+    if not strength.any():
+        raise BodyError(
+            f"no action moves a joint: {len(strength)} were tried; name others as `joints`, or say "
+            "what an action sets"
+        )
+    for name, strengths in zip(joint_names, strength.T, strict=True):
+        if not strengths.any():
+            raise BodyError(f"no action moves {name}; leave it out of `joints`")
+
+
+def _position_lags(own: np.ndarray, held: int, step_s: float) -> np.ndarray:
+    """`(J,)` s by which joints come later than actions that set positions; `own` as in `_kind`."""
+    share = own[:held] / own[_settled(held)].mean(axis=0)
+    return step_s * (1 - share).sum(axis=0).clip(0.0, held / 2)
+
+
+def _effects(kind: Kind, responses: np.ndarray, held: int, step_s: float) -> np.ndarray:
+    """`(J, A)` as in `Actions`, from `(A, 2 held, J)` responses as in `_responses`."""
+    if kind == "position":
+        return responses[:, _settled(held)].mean(axis=1).T
+    if kind == "velocity":
+        half = held // 2
+        return (responses[:, held - 1] - responses[:, half - 1]).T / ((held - half) * step_s)
+    # Before friction and gravity make a difference.
+    square = np.square(step_s * np.arange(1, 4)) / 2
+    return (square @ responses[:, :3]).T / (square @ square)
+
+
+def _settled(held: int) -> slice:
+    """The steps at which joints have settled under an action that is held: its last quarter."""
+    return slice(3 * held // 4, held)
+
+
+def _unit_effects(effect: np.ndarray) -> np.ndarray:
+    """`(J, A)` positive: the unit of each joint times that of each action, from their effects."""
+    unit = np.ones(effect.shape)
+    for axis in (1, 0):
+        most = np.abs(effect / unit).max(axis=axis, keepdims=True)
+        unit *= np.where(most > 0, most, 1.0)
+    return unit
 
 
 def _kind(own: np.ndarray, held: int, step_s: float) -> Kind:

@@ -1,6 +1,7 @@
 """Makes the bodies of an experiment; each thread keeps those that it asked for last."""
 
 import hashlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,8 +12,8 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.readings.baseline import Baseline
 from selftouch_drake.bodies.drake import DrakeBodies
-from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.bodies.own import open_body
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
@@ -20,10 +21,10 @@ from selftouch_drake.robot.models import one_line
 from selftouch_drake.robot.skins import ARRAYS, SkinModel
 from selftouch_drake.threads import OncePerThread
 
-#: The bodies of one agent, mostly one robot and what stands for it: `babbling` collects experience,
-#: in `practice` plans are practised slowly, `acting` executes them, and `still` scores motions
-#: without dynamics, if it is there. The experimenter knows the `world` of Drake's alone.
-Bodies = DrakeBodies | LivingBody
+#: The bodies of one agent. They stand for one robot: `babbling` collects experience, in `practice`
+#: plans are practised slowly, `acting` executes them, and `still`, where there is one, scores
+#: motions without dynamics. Only Drake's have a `world`, which the experimenter knows.
+Bodies = DrakeBodies | UserBody
 
 
 def without_robot(experiment: Experiment) -> str | None:
@@ -43,7 +44,7 @@ def without_robot(experiment: Experiment) -> str | None:
 
 
 def build_world(experiment: Experiment, cache: Path | None = None, fingerprint: str = "") -> World:
-    """The world of an experiment, with its robot built; arguments are as of `make_bodies`.
+    """The world of an experiment, with its robot built; arguments are as in `make_bodies`.
 
     Raises:
         ExperimentError: Drake refuses it, in its own words, or there is no robot.
@@ -65,17 +66,21 @@ def make_bodies(
     fingerprint: str = "",
     baseline: Baseline | None = None,
 ) -> Bodies:
-    """The bodies of an experiment; of others with the baseline of their receptors, if known.
+    """The bodies of an experiment.
 
-    In the cache, a folder, skins are kept for other processes and later commands. The fingerprint
-    is of the experience, which depends on the content of its models.
+    Args:
+        experiment: says whether Drake simulates the body, or whose it is.
+        cache: a folder that keeps skins for other processes and later commands.
+        fingerprint: of the experience, which depends on the content of the robot's models.
+        baseline: of the receptors of a body that Drake does not simulate, if it is known.
 
     Raises:
-        BodyError: a body of others cannot be made, or does not do what a body must.
+        BodyError: a body that Drake does not simulate cannot be made, or does not do what a body
+            must.
         ValueError: as `build_world`.
     """
     if experiment.body_from in ("python", "gymnasium"):
-        return LivingBody(open_body(experiment), baseline)
+        return UserBody(open_body(experiment), baseline)
     return DrakeBodies(build_world(experiment, cache, fingerprint))
 
 
@@ -104,16 +109,17 @@ def body_of(experiment: Experiment, fingerprint: str) -> Body:
 def compile_for_babbling(experiment: Experiment, fingerprint: str, number: int) -> None:
     """Has a worker build its body, and compile what walks need.
 
-    Two workers, of numbers 0 and 1, compile different functions first, and find the others
-    compiled.
+    Two workers, of numbers 0 and 1, begin with different functions; each then finds the other
+    function compiled.
     """
     if not experiment.has_truth:
         return  # a body of one's own may be there only once
     world = bodies_of(experiment, fingerprint).world
     assert world is not None
     q = np.zeros((1, len(world.robot.lower)), dtype=np.float32)
-    for look in (world.probe.touches, world.probe.impossible)[:: 1 - 2 * number]:
-        look(q)
+    asked: list[Callable[[np.ndarray], object]] = [world.probe.touches, world.probe.impossible]
+    for ask in asked if number == 0 else reversed(asked):
+        ask(q)
 
 
 def kept_skins(cache: Path, fingerprint: str, world: World) -> tuple[SkinModel, ...]:

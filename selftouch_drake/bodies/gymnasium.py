@@ -51,10 +51,10 @@ class GymnasiumBody:
 
     Args:
         env: whose actions are one array; its `reset` with a seed must begin alike each time.
-        set_posture: as of `GymnasiumSettings`, or a function: puts the environment into `(J,)` and
+        set_posture: as in `GymnasiumSettings`, or a function: puts the environment into `(J,)` and
             returns an observation, or None where it cannot be.
 
-    All others are as of `GymnasiumSettings`. Without limits in the observation's space, those of
+    All others are as in `GymnasiumSettings`. Without limits in the observation's space, those of
     the joints, `(J,)`, are what actions can reach; without `dt`, a step is of its `render_fps`.
 
     Attributes:
@@ -120,14 +120,14 @@ class GymnasiumBody:
         self._near, self._blocked, self._still = _NEAR * span, _BLOCKED * span, _STILL * span
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`."""
+        """As in `Body`."""
         rows = [(self._go(posture), self._q, self._sensation) for posture in q]
         reached, where, felt = map(np.array, zip(*rows, strict=True))
         self._at = q[-1].copy() if reached[-1] else None
         return Felt(q=where, sensation=felt, reached=reached)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`, with one sample per step.
+        """As in `Body`, with one sample per step.
 
         Raises:
             BodyError: the episode ends in each try.
@@ -280,7 +280,7 @@ def body_from_settings(settings: GymnasiumSettings) -> GymnasiumBody:
     """The body of an experiment's `gymnasium`.
 
     Raises:
-        BodyError: the environment cannot be made, or as of `GymnasiumBody`.
+        BodyError: the environment cannot be made, or as in `GymnasiumBody`.
     """
     try:
         import gymnasium

@@ -37,7 +37,7 @@ def open_reference(text: str) -> CheckedBody:
     """The body that `my_body.py:MyBody` names, made without arguments.
 
     Raises:
-        BodyError: the text is no such reference, or as of `open_body`.
+        BodyError: the text is no such reference, or as in `open_body`.
     """
     if (reference := split_reference(text)) is None:
         raise BodyError(f"{shown(text)} names no body; give a file and a class: my_body.py:MyBody")

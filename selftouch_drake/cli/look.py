@@ -58,9 +58,9 @@ def live(
 
     from selftouch_drake.run import lifelong, stages
     from selftouch_drake.run.executors import local_executor
-    from selftouch_drake.run.worlds import living_in
+    from selftouch_drake.run.worlds import with_user_body
 
-    with living_in(directory, body) if body else nullcontext():
+    with with_user_body(directory, body) if body else nullcontext():
         if not (no_page or directory.experiment.has_truth):
             click.echo("selftouch: the page needs a robot of Drake's: going on without", err=True)
             no_page = True

@@ -27,16 +27,16 @@ def of_a_run(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def in_a_body(command: Callable[..., None]) -> Callable[..., None]:
-    """Adds the body in which a run lives that has none of Drake's, and keeps what it meets."""
+    """Adds the option of a user's own body to a command, and keeps the touches that it meets."""
 
     @functools.wraps(command)
-    def living(directory: "RunDirectory", *given: Any, body: str | None, **options: Any) -> None:
-        from selftouch_drake.run.worlds import living_in
+    def with_body(directory: "RunDirectory", *given: Any, body: str | None, **options: Any) -> None:
+        from selftouch_drake.run.worlds import with_user_body
 
-        with living_in(directory, body):
+        with with_user_body(directory, body):
             command(directory, *given, **options)
 
-    return BODY(living)
+    return BODY(with_body)
 
 
 def open_to_write(run: Path) -> "RunDirectory":

@@ -69,7 +69,7 @@ class FirmTouches:
         """The possible postures with firm touches in one batch of random ones."""
         lower, upper = self._world.robot.babbled_range
         q = random.uniform(lower, upper, (_BATCH, len(lower)))
-        rows, touches = self._world.probe.felt(q)
+        rows, touches = self._world.probe.felt_rows(q)
         if not len(rows):
             return []
         strength = np.linalg.norm(touches.sensation, axis=1)

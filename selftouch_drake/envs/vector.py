@@ -38,9 +38,9 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
     Args:
         num_envs: N, the number of robots.
         task: `Reach`, `Slide`, or none.
-        experiment: as of `SelfTouchEnv`.
-        overrides: as of `SelfTouchEnv`.
-        period_s: as of `SelfTouchEnv`.
+        experiment: as in `SelfTouchEnv`.
+        overrides: as in `SelfTouchEnv`.
+        period_s: as in `SelfTouchEnv`.
         max_episode_steps: after which an episode is truncated; never by default.
 
     Raises:
@@ -87,7 +87,7 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
 
         Args:
             seed: seed of all episodes from now on; by default the random stream continues.
-            options: `reset_mask` `(N,)` bool, the robots to reset; others as of `SelfTouchEnv`.
+            options: `reset_mask` `(N,)` bool, the robots to reset; others as in `SelfTouchEnv`.
 
         Raises:
             ValueError: an option is unknown, or not a posture that this robot can take.

@@ -86,7 +86,7 @@ def place_errors(
 ) -> dict[int, PlaceError]:
     """Scores the imagined places of all stored touches on each skin that an accepted part shows.
 
-    Contacts and truth are as of `kernel_truth`. Touches with several contacts on one skin, of two
+    Contacts and truth are as in `kernel_truth`. Touches with several contacts on one skin, of two
     fingers at once, are left out.
 
     Returns:

@@ -24,7 +24,7 @@ class ExecutedTruth:
     Attributes:
         tracking: `(J,)` mean square error of each joint, rad² or m².
         turns: `(J,)` bool, whether the unit of a joint is the radian, not the metre.
-        limit_shares: by kind, as of `limit_shares`.
+        limit_shares: by kind, as in `limit_shares`.
         force: N, the largest sum of a sensation.
         impossible: steps of the plant at which rigid parts were too deep in each other.
         off_skin_s: s, off every skin by more than a ball's radius; None if not only balls touch.

@@ -8,7 +8,7 @@ from scipy.sparse import block_diag, coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART
 from selftouch_drake.evaluation.coverage import vertex_areas
 from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.experience.store import Contacts
@@ -100,7 +100,7 @@ def true_parts(
     for number in np.unique(group):
         patches = np.flatnonzero(group == number)
         kernels = np.flatnonzero(np.isin(patch_of_kernel, patches))
-        if len(kernels) < LEAST_KERNELS:
+        if len(kernels) < LEAST_OF_PART:
             continue
         masks = np.split(np.isin(patch_of, patches), counts.ends[1:-1])
         skins = tuple(skin for skin, mask in enumerate(masks) if mask.any())

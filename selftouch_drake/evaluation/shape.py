@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.distance import cdist, pdist
 
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, QuotientRepresentation
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.receptors import ReceptiveFields
 from selftouch_drake.quotient.layout import align
@@ -157,7 +157,7 @@ def parts_on_skins(part: np.ndarray, truth: "KernelTruth") -> dict[int, np.ndarr
         here = np.flatnonzero(truth.skin == skin)
         most = int(np.bincount(part[here]).argmax())
         kernels = here[part[here] == most]
-        if len(kernels) >= LEAST_KERNELS:
+        if len(kernels) >= LEAST_OF_PART:
             found[int(skin)] = kernels
     return found
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from selftouch_drake.agent.body_model.chain import adjoint
-from selftouch_drake.agent.body_model.model import SHAPE_BASIS, BodyModel
+from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.body_model.support import SHAPE_BASIS
 
 
 def similar_model(model: BodyModel, *, metres: float = 1.0, mirrored: bool = False) -> BodyModel:

@@ -19,7 +19,7 @@ from .representation import Representation
 from .sensations import angles
 
 #: Lays out N nodes, from `(E, 2)` edges, `(N, N)` shortest paths over them, and a dimension.
-LayOut = Callable[[np.ndarray, np.ndarray, int], Embedding]
+LayoutMethod = Callable[[np.ndarray, np.ndarray, int], Embedding]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,8 +28,8 @@ class Shape:
 
     Attributes:
         distances: `(n, n)` geodesic distances along the body, in a unit of its own.
-        skin: dimension of the skin, 1 for a line and 2 for a surface.
-        space: dimension of the space that the body needs, 2, 3 or 4.
+        skin_dimension: 1 if the skin is a line, 2 if it is a surface.
+        space_dimension: of the space that the body needs, 2, 3 or 4.
         embedding: layout of the kernels in that space, in an arbitrary pose; in three dimensions if
             the body needs a fourth.
         topology: its holes; None if not requested, or if all kernels lie in a plane of three
@@ -38,8 +38,8 @@ class Shape:
     """
 
     distances: np.ndarray
-    skin: int
-    space: int
+    skin_dimension: int
+    space_dimension: int
     embedding: Embedding
     topology: Topology | None
     dimension: float | None
@@ -53,14 +53,14 @@ class Shape:
 def recover(
     representation: Representation,
     measure: Callable[[Representation], BodyGraph] = sensorimotor,
-    lay_out: LayOut = curvature_corrected_mds,
+    layout_method: LayoutMethod = curvature_corrected_mds,
 ) -> Shape:
     """Recovers the body from a representation of 5 kernels or more.
 
     Args:
         representation: what was learned.
         measure: measures along the body: one of `lengths`, in whose graph nodes are kernels.
-        lay_out: finds places that fit the distances.
+        layout_method: finds places that fit the distances.
 
     Raises:
         ValueError: the representation is too small.
@@ -68,12 +68,12 @@ def recover(
     skin = skin_of(representation)
     graph = measure(representation)
     distances = graph.geodesics(graph.length)
-    layout, space = laid_out(graph.edges, distances, skin, lay_out)
-    found, dimension = measured(layout.positions, distances, skin)
+    layout, space = layout_and_space(graph.edges, distances, skin, layout_method)
+    found, dimension = holes_and_dimension(layout.positions, distances, skin)
     return Shape(
         distances=distances,
-        skin=skin,
-        space=space,
+        skin_dimension=skin,
+        space_dimension=space,
         embedding=layout,
         topology=found,
         dimension=dimension,
@@ -86,24 +86,27 @@ def skin_of(representation: Representation) -> int:
     return skin_dimension(geodesics(representation.edges, by_feel, representation.num_targets))
 
 
-def laid_out(
-    edges: np.ndarray, distances: np.ndarray, skin: int, lay_out: LayOut
+def layout_and_space(
+    edges: np.ndarray, distances: np.ndarray, skin: int, layout_method: LayoutMethod
 ) -> tuple[Embedding, int]:
     """Lays out nodes in as many dimensions as they need, at most 3, and says how many that are.
 
-    The `(N, N)` distances are shortest paths over `(E, 2)` edges; the skin is as of `Shape`.
+    The `(N, N)` distances are shortest paths over `(E, 2)` edges; `skin` is the dimension of it.
     """
-    layout = lay_out(edges, distances, skin + 1)
+    layout = layout_method(edges, distances, skin + 1)
     space = space_dimension(edges, distances, layout, skin)
     if skin + 1 != min(space, 3):
-        layout = lay_out(edges, distances, space)
+        layout = layout_method(edges, distances, space)
     return layout, space
 
 
-def measured(
+def holes_and_dimension(
     places: np.ndarray, distances: np.ndarray, skin: int
 ) -> tuple[Topology | None, float | None]:
-    """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as of `Shape`."""
+    """Holes of a body at `(N, d)` places, and dimension by `(n, n)` distances; as in `Shape`.
+
+    `skin` is the dimension of the skin.
+    """
     holes = None if flat(places) else topology(places)
     enough = len(distances) >= LEAST_KERNELS
     return holes, intrinsic_dimension(distances, skin) if enough else None

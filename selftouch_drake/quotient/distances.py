@@ -9,6 +9,7 @@ They differ in how they reduce it to a number.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -20,12 +21,13 @@ from .threads import in_slices, thread_pool
 #: 120, 240, nearest kernels are truly near in 99.2, 99.8, 99.7; 77.7, 82.2, 83.1 %.
 MAX_QUERIES = 120
 #: Queries per set where a rough distance is enough: shape and plans are the same with 8 and 32.
-#: And number of sets compared in one call.
 _FEW_QUERIES = 16
+# Sets whose few queries are compared in one call.
 _TOGETHER = 8
 # Links along which one thread searches at once.
 _LINKS = 32
-_NOT_TOLD = np.empty((0, 0), dtype=np.int32)
+# Stands for the rows of the nearest members, where nobody asks which they are.
+_NO_ROWS = np.empty((0, 0), dtype=np.int32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +45,20 @@ class SetDistance:
 
 def quantile(near: np.ndarray, share: float) -> np.ndarray:
     """The same as `np.quantile(near, share, axis=0)` of `(N, K)`, in a fifth of the time."""
-    at = share * (len(near) - 1)
-    after = min(int(at) + 1, len(near) - 1)
-    part = np.partition(near.T, after, axis=1)
-    above, part = part[:, after], part[:, :after]
-    if not part.size:
+    # The quantile lies between two ranks, at this place.
+    place = share * (len(near) - 1)
+    rank_above = min(int(place) + 1, len(near) - 1)
+    parted = np.partition(near.T, rank_above, axis=1)
+    above = parted[:, rank_above]
+    if rank_above == 0 or not len(above):
         return above
-    below, done = part.max(axis=1), at - int(at)
+    below = parted[:, :rank_above].max(axis=1)
+    step = above - below
     # As numpy does it: exact at both ends.
-    between = above - below
-    return below + between * done if done < 0.5 else above - between * (1.0 - done)
+    past_below = place - int(place)
+    if past_below < 0.5:
+        return below + step * past_below
+    return above - step * (1.0 - past_below)
 
 
 #: The set distances by name. `minimum` is the paper's quotient metric; measured on bodies of known
@@ -100,7 +106,7 @@ def set_distances(
 
     def fill_exactly(kernel: int) -> None:
         asked = np.flatnonzero(exact[kernel])
-        there[kernel, asked] = chosen.reduce(_nearest(queries.members(kernel), sets, asked))
+        there[kernel, asked] = chosen.reduce(_nearest(queries.configurations(kernel), sets, asked))
 
     with thread_pool() as pool:
         for done, _ in enumerate(pool.map(fill_exactly, range(len(sets))), 1):
@@ -117,7 +123,7 @@ def _fill_roughly(
     queries, kernels = sets.thinned(num_queries), np.arange(len(sets))
 
     def fill(rows: slice) -> None:
-        some = [queries.members(kernel) for kernel in kernels[rows]]
+        some = [queries.configurations(kernel) for kernel in kernels[rows]]
         near = _nearest(np.concatenate(some), sets, kernels)
         first = 0
         for kernel, asking in zip(kernels[rows], some, strict=True):
@@ -132,18 +138,29 @@ def _nearest(x: np.ndarray, sets: KernelSets, asked: np.ndarray) -> np.ndarray:
     offsets = np.asarray(sets.offsets, dtype=np.int64)
     squared = np.empty((len(asked), len(x)), dtype=np.float32)
     search = _nearest_squared(sets.x.shape[1], False)
-    search(x.T.copy(), sets.x, offsets[asked], offsets[asked + 1], squared, _NOT_TOLD)
+    search(x.T.copy(), sets.x, offsets[asked], offsets[asked + 1], squared, _NO_ROWS)
     return np.sqrt(squared.T)
 
 
-def linked_nearest(
-    sets: KernelSets, links: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class Nearest(NamedTuple):
+    """The nearest configurations along L links, each from a first to a second kernel.
+
+    Attributes:
+        offsets: `(L + 1,)` link l owns entries `offsets[l]:offsets[l + 1]` of the other arrays, one
+            for each configuration of its first kernel.
+        row: `(N,)` int32, the row of the nearest configuration of the second kernel.
+        squared: `(N,)` float32 mu^2, the squared distance to it.
+    """
+
+    offsets: np.ndarray
+    row: np.ndarray
+    squared: np.ndarray
+
+
+def linked_nearest(sets: KernelSets, links: np.ndarray) -> Nearest:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
-    The sets are scaled, mu; `(L, 2)` links are first and second kernel of each. Returns `(L + 1,)`
-    offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration of its first
-    kernel; int32 rows of the nearest configurations; float32 mu^2, their squared distances.
+    The sets are scaled, mu; `(L, 2)` links are first and second kernel of each.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)
@@ -166,7 +183,18 @@ def linked_nearest(
             )
 
     in_slices(along, len(links), _LINKS)
-    return offsets, row, squared
+    return Nearest(offsets, row, squared)
+
+
+# It is not cached: the functions that call it keep it.
+@numba.njit
+def square_step(x, y):
+    """The squared distance of two configurations `(J,)`."""
+    total = np.float32(0.0)
+    for joint in range(len(x)):
+        step = x[joint] - y[joint]
+        total += step * step
+    return total
 
 
 @lru_cache

@@ -18,7 +18,8 @@ def checked_experience(sensation: Any, q: Any, first_row: int = 0) -> tuple[np.n
     """`(n, S)` N sensations and `(n, J)` motor configurations as arrays, of rows from a first on.
 
     Raises:
-        ValueError: they are no such arrays, do not belong together, or hold what no skin can feel.
+        ValueError: they do not have these shapes, do not belong together, or hold what no skin can
+            feel.
     """
     sensation, q = as_numbers("sensation", sensation), as_numbers("q", q)
     check_sensation(sensation, first_row)
@@ -45,7 +46,7 @@ def require_rows(num_rows: int, num_targets: int) -> None:
 
 
 def as_numbers(name: str, rows: Any) -> np.ndarray:
-    """The rows as an array; raises a ValueError if they are no real numbers, or sparse."""
+    """The rows as an array; raises a ValueError if they are sparse, or not real numbers."""
     array = np.asarray(rows)
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{name} holds {array.dtype}: give real numbers, not sparse")

@@ -9,9 +9,8 @@ of the sensation tells the agent which touches are firm.
 import numpy as np
 from numba import njit
 
-from .distances import quantile
+from .distances import quantile, square_step
 from .representation import Representation
-from .route import square_step
 
 # A configuration is isolated if it is farther than this from all strong ones of its kernel, in mu.
 # Measured on a torus with two fingers (150 plans): out of contact on 1.1 % of the length if plans

@@ -78,7 +78,7 @@ def quotient_graph(
         apart: `(K, K)` bool, pairs of kernels that nothing may join; there are none by default.
 
     Warns:
-        DisconnectedWarning: as of `connected_edges`.
+        DisconnectedWarning: as in `connected_edges`.
     """
     neighbours, near = surface_neighbours(set_distance, targets, apart)
     edges = connected_edges(neighbours, near)
@@ -91,8 +91,8 @@ def quotient_graph(
 
 def _nearest_distance(sets: KernelSets, edges: np.ndarray) -> np.ndarray:
     """`(E,)` float32 mu, mean nearest distance over both directions of each edge."""
-    offsets, _, squared = linked_nearest(sets, np.concatenate([edges, edges[:, ::-1]]))
-    there, back = np.split(np.add.reduceat(np.sqrt(squared), offsets[:-1]), 2)
+    near = linked_nearest(sets, np.concatenate([edges, edges[:, ::-1]]))
+    there, back = np.split(np.add.reduceat(np.sqrt(near.squared), near.offsets[:-1]), 2)
     i, j = edges.T
     return ((there / sets.sizes[i] + back / sets.sizes[j]) / 2).astype(np.float32)
 
@@ -108,7 +108,7 @@ def surface_neighbours(
     Kernels with nothing in common come last: the more joints, the less informative is their set
     distance.
 
-    Arguments are as of `quotient_graph`. Returns `(E, 2)` pairs i < j, sorted, and `(K, K)` the
+    Arguments are as in `quotient_graph`. Returns `(E, 2)` pairs i < j, sorted, and `(K, K)` the
     combined distance, infinite where kernels are apart.
     """
     near = set_distance * np.sqrt(cdist(targets, targets))
@@ -132,10 +132,12 @@ def neighbour_edges(
     distance = np.array(distance, dtype=float)
     np.fill_diagonal(distance, np.inf)
     order = np.argsort(distance, axis=1, kind="stable")
-    near, kept = np.zeros((2, *distance.shape), dtype=bool)
+    near = np.zeros(distance.shape, dtype=bool)
+    kept = np.zeros(distance.shape, dtype=bool)
     np.put_along_axis(near, order[:, :num_mutual], True, axis=1)
     np.put_along_axis(kept, order[:, :num_kept], True, axis=1)
-    return np.argwhere(np.triu(((near & near.T) | kept | kept.T) & np.isfinite(distance), 1))
+    neighbours = (near & near.T) | kept | kept.T
+    return np.argwhere(np.triu(neighbours & np.isfinite(distance), 1))
 
 
 def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
@@ -171,7 +173,9 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _first_five(items: Iterable[object]) -> str:
     texts = [str(item) for item in items]
-    return ", ".join(texts[:5] + ["..."] * (len(texts) > 5))
+    if len(texts) > 5:
+        texts = [*texts[:5], "..."]
+    return ", ".join(texts)
 
 
 def to_networkx(

@@ -15,16 +15,16 @@ from scipy.spatial import cKDTree
 
 from .alpha import alpha_filtration
 
-#: Bars between these lengths, in spacings, may be true or false; `topology` says why. Half changes
-#: nothing; twice finds one loop of two and no void in a torus with nine joints.
+#: Bars between these lengths, in meeting radii, may be true or false; `topology` says why. Half
+#: changes nothing; twice finds one loop of two and no void in a torus with nine joints.
 _UNSURE = (1.0, 1.3)
 
 #: Length that stands for a missing bar, and the margin where no bar is false.
 _NO_LENGTH, _MOST_MARGIN = 1e-100, 100.0
 
-#: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
-#: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5. Half
-#: misses the void of the cube; twice changes nothing.
+#: Bars born later than this, in meeting radii, are not holes of the body. On sampled surfaces,
+#: loops are born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to
+#: 2.5. Half misses the void of the cube; twice changes nothing.
 _LATE = 4.0
 
 #: Neighbours from which the spacing around a point is measured. At 4, 8, 16, the margin is 6.7,
@@ -56,7 +56,7 @@ class Topology:
         margin: length of the shortest true bar over the longest false one, at most 100; near 1
             means unsure.
         scale: radius at which every true bar has just been born, in the unit of the points.
-        spacing: radius at which neighbours meet, in the unit of the points.
+        meeting_radius: radius at which neighbours meet, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2, without bars of
             zero length; one component never dies (infinity).
     """
@@ -64,20 +64,20 @@ class Topology:
     betti: tuple[int, int, int]
     margin: float
     scale: float
-    spacing: float
+    meeting_radius: float
     diagram: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def topology(points: np.ndarray) -> Topology:
     """Counts components, loops and voids of the body that the points sample.
 
-    Bars are measured in spacings, so neither the size nor the unit of the body matters. Let r be
-    the radius at which neighbours meet (the median death of H0). On an evenly sampled surface the
-    balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square, 0.7 r
-    for a pentagon, r where one or two kernels are missing, 1.3 r where three are. A hole of the
-    body dies at its own radius, however fine the sampling. So bars below r are false, bars above
-    1.3 r are true, and the widest gap in between decides. The widest gap overall would not work,
-    since holes of one body may differ greatly in size.
+    Bars are measured in meeting radii, so neither the size nor the unit of the body matters. Let r
+    be the radius at which neighbours meet (the median death of H0). On an evenly sampled surface
+    the balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square,
+    0.7 r for a pentagon, r where one or two kernels are missing, 1.3 r where three are. A hole of
+    the body dies at its own radius, however fine the sampling. So bars below r are false, bars
+    above 1.3 r are true, and the widest gap in between decides. The widest gap overall would not
+    work, since holes of one body may differ greatly in size.
 
     Where the points around the place at which a bar dies are farther apart than the median, r is
     larger in proportion: a wide stretch of skin that feels alike leaves a gap that is no hole. A
@@ -86,23 +86,23 @@ def topology(points: np.ndarray) -> Topology:
     closes before the bowl is filled, does not count. Components are counted at a radius at which
     all true bars are born and no missing kernel splits the body.
 
-    The `(K, d)` points, d = 2 or 3, are evenly spread over the body. Errors are as of `delaunay`.
+    The `(K, d)` points, d = 2 or 3, are evenly spread over the body. Errors are as in `delaunay`.
     """
     found = _bars(points)
     h0, h1, h2 = (_radii(bars) for bars in found)
-    spacing = float(np.median(h0[:, 1]))
+    meeting_radius = float(np.median(h0[:, 1]))
     bars = np.concatenate([h1, h2])
-    length = (bars[:, 1] - bars[:, 0]) / spacing / _sparsity(points, found[1] + found[2])
-    true, margin = _true_bars(bars, length, len(h1), spacing)
+    length = (bars[:, 1] - bars[:, 0]) / meeting_radius / _sparsity(points, found[1] + found[2])
+    true, margin = _true_bars(bars, length, len(h1), meeting_radius)
     num_loops, num_true = int(true[: len(h1)].sum()), int(true.sum())
-    covered = 2.0 * spacing
+    covered = 2.0 * meeting_radius
     last_birth = float(bars[true, 0].max()) if true.any() else covered
     num_components = int(np.sum(h0[:, 1] > max(last_birth, covered)))
     return Topology(
         betti=(num_components, num_loops, num_true - num_loops),
         margin=margin,
         scale=1.01 * last_birth,
-        spacing=spacing,
+        meeting_radius=meeting_radius,
         diagram=(h0, h1, h2),
     )
 
@@ -115,19 +115,19 @@ def _radii(bars: list[Bar]) -> np.ndarray:
 
 def _sparsity(points: np.ndarray, bars: list[Bar]) -> np.ndarray:
     """`(bars,)` how much wider points lie where a bar dies than the median; 1 or more."""
-    around = spacings(points, _NEIGHBOURS)
+    around = neighbour_spacings(points, _NEIGHBOURS)
     around = np.maximum(around / np.median(around), 1.0)
     return np.array([around[list(bar.filled_by)].max() for bar in bars])
 
 
 def _true_bars(
-    bars: np.ndarray, length: np.ndarray, num_loops: int, spacing: float
+    bars: np.ndarray, length: np.ndarray, num_loops: int, meeting_radius: float
 ) -> tuple[np.ndarray, float]:
     """`(bars,)` bool, the loops and voids of the body, and the margin.
 
-    The bars are loops, then voids, of lengths in spacings.
+    The bars are loops, then voids, of lengths in meeting radii.
     """
-    early = bars[:, 0] <= _LATE * spacing
+    early = bars[:, 0] <= _LATE * meeting_radius
     voids = bars[num_loops:][(early & (length > _UNSURE[1]))[num_loops:]]
     closed = voids[:, 0].min() if len(voids) else 0.0
     gap = bars[:, 1] <= closed
@@ -136,10 +136,10 @@ def _true_bars(
 
 
 def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
-    """Splits bar lengths, in spacings; returns the shortest true one and the margin.
+    """Splits bar lengths, in meeting radii; returns the shortest true one and the margin.
 
-    If no bar is true, the first is infinite, and the margin is that of a bar just long enough. The
-    margin counts the longest bar that is surely false.
+    If no bar is true, that length is infinite, and the margin is that of a bar just long enough.
+    The margin counts the longest bar that is surely false.
     """
     surely_false, surely_true = _UNSURE
     falling = np.sort(length)[::-1]
@@ -198,7 +198,7 @@ def _persistence_pairs(simplices: Sequence[tuple[int, ...]]) -> list[tuple[int, 
     return pairs + [(p, None) for p in births - killer.keys()]
 
 
-def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
+def neighbour_spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
     """`(K,)` the spacing around each of `(K, d)` points: median distance to its neighbours."""
     neighbours = min(num_neighbours, len(points) - 1)
     distance, _ = cKDTree(points).query(points, neighbours + 1)

@@ -35,7 +35,7 @@ class KernelSets:
         """`(R,)` the kernel of each configuration."""
         return np.repeat(np.arange(len(self)), self.sizes)
 
-    def members(self, kernel: int) -> np.ndarray:
+    def configurations(self, kernel: int) -> np.ndarray:
         """`(n, J)` the configurations of `kernel`."""
         return self.x[self.offsets[kernel] : self.offsets[kernel + 1]]
 

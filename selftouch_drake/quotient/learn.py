@@ -64,13 +64,13 @@ def learn(
 ) -> Representation:
     """Learns from `(n, S)` N, no row null, felt at `(n, J)` q in the robot's units.
 
-    As the paper does: one body, one kind of touch. The sizes are as of `Sizes`.
+    As the paper does: one body, one kind of touch. The sizes are as in `Sizes`.
 
     Raises:
         ValueError: a size is invalid, or the experience cannot be learned from.
 
     Warns:
-        DisconnectedWarning: as of `graph.connected_edges`.
+        DisconnectedWarning: as in `graph.connected_edges`.
     """
     sizes = Sizes(num_targets=num_targets, max_kernel_size=max_kernel_size, seed=seed)
     sensation, q = checked_experience(sensation, q)
@@ -91,16 +91,16 @@ def _learned(q: np.ndarray, sensation: np.ndarray, sizes: Sizes) -> Representati
     row = sample_rows(label, sizes.max_kernel_size, seed=sample_seed)
     counts = np.bincount(label[row], minlength=len(targets))
     sets = KernelSets((q[row] * scale).astype(np.float32), np.cumsum([0, *counts]))
-    firmness = strength(sensation[row]).astype(np.float32)
+    kernel_strength = strength(sensation[row]).astype(np.float32)
 
     distance = set_distances(sets, rough=unlike(targets))
-    graph = quotient_graph(sets, firmness, distance, targets)
+    graph = quotient_graph(sets, kernel_strength, distance, targets)
     return Representation(
         target_sensations=targets,
         kernel_offsets=sets.offsets,
         kernel_q=q[row],
         kernel_row=row,
-        kernel_strength=firmness,
+        kernel_strength=kernel_strength,
         kernel_error=error[row],
         joint_scale=scale,
         set_distance=distance,

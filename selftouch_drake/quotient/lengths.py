@@ -11,7 +11,7 @@ import numpy as np
 
 from .distances import set_distances
 from .graph import neighbour_edges
-from .paths import geodesics, locally_scaled
+from .paths import geodesics
 from .representation import Representation
 from .sensations import angles, target_distances, unlike
 
@@ -70,3 +70,16 @@ def sensorimotor(representation: Representation) -> BodyGraph:
     apart = np.where(unlike(targets), np.inf, target_distances(targets)[0])
     edges = np.unique(np.vstack([representation.edges, neighbour_edges(apart)]), axis=0)
     return BodyGraph(edges=edges, length=angles(targets, edges), kernel=np.arange(len(targets)))
+
+
+def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
+
+    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
+    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
+    redundant the arm is there.
+    """
+    i, j = edges.T
+    total = np.bincount(edges.ravel(), np.repeat(length, 2))
+    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
+    return length / np.sqrt(spacing[i] * spacing[j])

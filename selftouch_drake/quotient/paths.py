@@ -52,24 +52,12 @@ def _shorten(tail: np.ndarray, head: np.ndarray, length: np.ndarray, path: np.nd
     while shorter:
         shorter = False
         for edge in range(len(length)):
-            there, here, step, fewer = path[tail[edge]], path[head[edge]], length[edge], 0
+            there, here, step = path[tail[edge]], path[head[edge]], length[edge]
+            num_shorter = 0  # counted without a branch, for the vector lanes
             for source in range(len(here)):
                 back, out = here[source] + step, there[source] + step
-                fewer += (out < here[source]) + (back < there[source])
+                num_shorter += (out < here[source]) + (back < there[source])
                 here[source] = out if out < here[source] else here[source]
                 there[source] = back if back < there[source] else there[source]
-            if fewer:
+            if num_shorter:
                 shorter = True
-
-
-def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
-
-    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
-    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
-    redundant the arm is there.
-    """
-    i, j = edges.T
-    total = np.bincount(edges.ravel(), np.repeat(length, 2))
-    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
-    return length / np.sqrt(spacing[i] * spacing[j])

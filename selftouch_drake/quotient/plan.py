@@ -59,7 +59,7 @@ class MotorPath:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ways:
+class PlanningGraph:
     """All that plans over one representation share: build it once for many plans.
 
     Attributes:
@@ -73,7 +73,7 @@ class Ways:
     length: np.ndarray
 
     @classmethod
-    def of(cls, representation: Representation) -> "Ways":
+    def of(cls, representation: Representation) -> "PlanningGraph":
         """Links the kernels of a representation."""
         targets = representation.target_sensations
         links = step_links(targets, representation.edges)
@@ -92,7 +92,7 @@ def plan(
     goal: int,
     *,
     q_start: np.ndarray | None = None,
-    ways: Ways | None = None,
+    planning_graph: PlanningGraph | None = None,
 ) -> MotorPath:
     """Plans a smooth motion from one target sensation to another.
 
@@ -102,13 +102,15 @@ def plan(
         goal: the target sensation to feel at the end.
         q_start: `(J,)` the configuration now; by default, the one of the start whose sensation is
             nearest to the target.
-        ways: those of the representation, if there are many plans.
+        planning_graph: that of the representation, if there are many plans.
 
     Raises:
         ValueError: a target is out of range, or no links lead to the goal.
     """
     start, goal = representation.checked_target(start), representation.checked_target(goal)
-    ways = Ways.of(representation) if ways is None else ways
+    if planning_graph is None:
+        planning_graph = PlanningGraph.of(representation)
+    graph = planning_graph.graph
     if q_start is None:
         q_start = most_typical(representation, start)
     q_start = np.asarray(q_start, dtype=float)
@@ -116,14 +118,14 @@ def plan(
     ends = representation.scaled(representation.kernel_q[goal_rows(representation, goal)])
     ends = ends.astype(np.float32)
     query = Query(start, x_start, goal, ends)
-    nodes = carried_route(ways.graph, query, ways.penalty, ways.length)
+    nodes = carried_route(graph, query, planning_graph.penalty, planning_graph.length)
     if not len(nodes):
         raise ValueError(
             f"no links lead from target {start} to {goal}: babble longer, or give fewer targets"
         )
     waypoints_x = x_start[None]
     if start != goal:
-        between = [ways.graph.firm.members(kernel) for kernel in nodes[1:-1]]
+        between = [graph.firm.configurations(kernel) for kernel in nodes[1:-1]]
         waypoints_x = smoothest_configurations([waypoints_x, *between, ends])
     return path_through(nodes, waypoints_x, q_start, representation)
 

@@ -33,7 +33,10 @@ def check_arrays(
         if array.ndim != len(shape) or any(want not in (None, have) for want, have in sizes):
             expected = str(shape).replace("None", "any")
             raise ValueError(f"{name} has shape {array.shape}, expected {expected}")
-        letters, words = kind = (kinds or {}).get(field, FINITE)
-        of_kind = array.dtype.kind in letters
-        if not of_kind or (kind == FINITE and not np.isfinite(array).all()):
+        kind = FINITE if kinds is None else kinds.get(field, FINITE)
+        letters, words = kind
+        fits = array.dtype.kind in letters
+        if fits and kind == FINITE:
+            fits = bool(np.isfinite(array).all())
+        if not fits:
             raise ValueError(f"{name} must hold {words}")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from .distances import linked_nearest
+from .distances import Nearest, linked_nearest, square_step
 from .kernels import KernelSets
 from .paths import component_labels
 
@@ -47,8 +47,8 @@ class RouteGraph:
             a link in one direction.
         way_kernel: `(2L,)` the kernel that each way leads to.
         way_link: `(2L,)` its link.
-        steps: along each way, from each firm configuration of the kernel that it leaves, as of
-            `linked_nearest`.
+        steps: along each way, from each firm configuration of the kernel that it leaves to the
+            nearest one of the kernel that it leads to.
         typical_step: mu, the median of these steps.
     """
 
@@ -59,7 +59,7 @@ class RouteGraph:
     way_offsets: np.ndarray
     way_kernel: np.ndarray
     way_link: np.ndarray
-    steps: tuple[np.ndarray, np.ndarray, np.ndarray]
+    steps: Nearest
     typical_step: float
 
     @classmethod
@@ -72,7 +72,7 @@ class RouteGraph:
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
         steps = linked_nearest(firm, ways)
-        typical = float(np.sqrt(np.median(steps[2]))) if len(steps[2]) else 0.0
+        typical = float(np.sqrt(np.median(steps.squared))) if len(steps.squared) else 0.0
         return cls(
             firm=firm,
             firm_row=firm_row,
@@ -121,7 +121,7 @@ def carried_route(
         graph: what is searched.
         query: where the route begins and ends.
         penalty: `(L,)` positive factors on the cost of each link.
-        length: `(L,)` lengths of the links, as of `links.link_lengths`; None if only joints count.
+        length: `(L,)` lengths of the links, as in `links.link_lengths`; None if only joints count.
 
     Returns:
         `(N,)` kernels from the start to the goal; empty if the links do not join them.
@@ -203,6 +203,7 @@ def _carry(firm, ways, price, query):
     return np.array(route[::-1])
 
 
+# What follows is not cached: the function that calls it keeps it.
 @njit
 def _visit(firm_x, place, visited, num_visits):
     """Whether a search may visit a place of a kernel; writes that it does."""
@@ -213,17 +214,6 @@ def _visit(firm_x, place, visited, num_visits):
             return False
     visited[num_visits] = place
     return True
-
-
-# These are not cached: the functions that call them keep them.
-@njit
-def square_step(x, y):
-    """The squared distance of two configurations `(J,)`."""
-    total = np.float32(0.0)
-    for joint in range(len(x)):
-        step = x[joint] - y[joint]
-        total += step * step
-    return total
 
 
 @njit

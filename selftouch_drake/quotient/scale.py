@@ -52,8 +52,8 @@ def _influence(z: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     half = len(z) // 2
     first = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
     halves = KernelSets(z[first], np.array([0, half, 2 * half]))
-    _, nearest, _ = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
-    second = first[nearest]
+    nearest = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
+    second = first[nearest.row]
     felt = unit(sensation)
     change = np.square(felt[first] - felt[second]).sum(axis=1, dtype=float)
     step = np.square(z[first] - z[second], dtype=float)

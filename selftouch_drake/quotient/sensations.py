@@ -165,7 +165,7 @@ def _most_alike(
 
     A touch is felt by a tenth of the receptors: this takes a fifth of the time of a matrix
     product, and 1.4 times as long where all of them feel it. From `(n, S)` points, none negative,
-    and `(S, K)` targets, of unit L2 norm, it writes `(n,)` labels and errors, as of `assign`.
+    and `(S, K)` targets, of unit L2 norm, it writes `(n,)` labels and errors, as in `assign`.
     """
     num_receptors, num_targets = targets.shape
     likeness = np.empty(num_targets, np.float32)
@@ -177,6 +177,7 @@ def _most_alike(
     for row in range(len(points)):
         num_felt = 0
         for receptor in range(num_receptors):
+            # Without a branch: each entry is written, and the next one overwrites it if it is 0.
             felt[num_felt], weight[num_felt] = receptor, points[row, receptor]
             num_felt += points[row, receptor] > 0
         weight[num_felt : num_felt + 3] = 0

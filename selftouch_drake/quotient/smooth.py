@@ -41,7 +41,7 @@ def smooth_path(
     knot_spacing: float = KNOT_SPACING,
     limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BSpline:
-    """The quintic spline nearest the polyline, as of `smooth_curve`.
+    """The quintic spline nearest the polyline, as in `smooth_curve`.
 
     A spline lies in the convex hull of its control points, so clipping these keeps it within the
     limits and equally smooth.
@@ -80,15 +80,16 @@ def smooth_curve(
     interval = length / num_intervals
     u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
     wanted = curve(u * interval).reshape(num_intervals, _SAMPLES_PER_INTERVAL, -1)
-    local = value.swapaxes(1, 2) @ wanted
-    right = np.zeros((num_intervals + DEGREE, ends.shape[1]))
+    # Each interval adds to the right-hand sides of the control points whose basis reaches it.
+    of_interval = value.swapaxes(1, 2) @ wanted
+    right_side = np.zeros((num_intervals + DEGREE, ends.shape[1]))
     for point in range(DEGREE + 1):
-        right[point : point + num_intervals] += local[:, point]
-    for off in range(DEGREE + 1):
-        # The two outer control points are given: their terms go to the right-hand side.
-        right[off] -= bands[DEGREE - off, off] * ends[0]
-        right[-1 - off] -= bands[DEGREE - off, -1] * ends[1]
-    inner = solveh_banded(bands[:, 1:-1], right[1:-1])
+        right_side[point : point + num_intervals] += of_interval[:, point]
+    # The two outer control points are given: their terms go to the right-hand side.
+    for offset in range(DEGREE + 1):
+        right_side[offset] -= bands[DEGREE - offset, offset] * ends[0]
+        right_side[-1 - offset] -= bands[DEGREE - offset, -1] * ends[1]
+    inner = solveh_banded(bands[:, 1:-1], right_side[1:-1])
     knots = knots * interval
     knots[-DEGREE - 1 :] = length
     return BSpline(knots, np.concatenate([ends[:1], inner, ends[1:]]), DEGREE)

@@ -9,19 +9,18 @@ from .holes import Topology
 
 
 def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.ndarray:
-    """`(F, skin + 1)` corners of the triangles, or steps, through `(K, d)` points of a skin.
+    """The surface, or the line, through points: `(F, skin + 1)` corners of triangles or segments.
 
-    If they enclose a void, it is closed, and corners are counterclockwise seen from outside; else
-    it is of the alpha complex and may have a rim.
-
-    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`. Errors are as
-    of `delaunay`.
+    The `(K, d)` points lie on a skin that is a line (`skin` 1) or a surface (2), and have the
+    topology `found`. If they enclose a void, the surface is closed, with corners counterclockwise
+    seen from outside. Otherwise its triangles are of the alpha complex, and it may have a rim.
+    Errors are as in `delaunay`.
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)
-    # At the scale of a loop's birth some simplices are still missing; two spacings cover the part,
-    # as when components are counted.
-    scale = max(found.scale, 2.0 * found.spacing)
+    # At the scale of a loop's birth some simplices are still missing; two meeting radii cover the
+    # part, as when components are counted.
+    scale = max(found.scale, 2.0 * found.meeting_radius)
     simplices = [
         simplex
         for simplex, radius2 in alpha_filtration(points).items()
@@ -36,7 +35,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
     triangle that is wider than itself. Triangles that stop it, `(F, 3)` corners counterclockwise
     seen from outside, are the surface. It is closed, and has the loops of the body if the radius is
-    the scale of its topology, in the unit of the `(K, 3)` points. Errors are as of `delaunay`.
+    the scale of its topology, in the unit of the `(K, 3)` points. Errors are as in `delaunay`.
     """
     found = delaunay(points)
     points, tetrahedra = found.points, found.simplices

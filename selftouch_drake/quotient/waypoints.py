@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numba import njit
 
-from .route import square_step
+from .distances import square_step
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
@@ -66,7 +66,7 @@ def _least_costs(num_joints: int) -> Callable[..., None]:
                 least = t0 if t0 < t2 else t2
                 cost[i] = least if least < cost[i] else cost[i]
 
-    # Each variant has cache files of its own, as in `set_distances`.
+    # Each variant has cache files of its own; `distances._nearest_squared` says why.
     least_costs.__qualname__ += f"_{num_joints}"
     return numba.njit(cache=True, error_model="numpy")(least_costs)
 

@@ -143,7 +143,7 @@ def _as_sum(inspector: SceneGraphInspector, geometry: GeometryId) -> tuple[np.nd
     """`(n, 3)` points and `(3,)` semi-axes, m, whose sum a shape is, in its own frame.
 
     Raises:
-        ValueError: as of `as_mesh`.
+        ValueError: as in `as_mesh`.
     """
     shape, hull = inspector.GetShape(geometry), inspector.GetConvexHull(geometry)
     round_ones: dict[type, Any] = {

@@ -130,7 +130,7 @@ class SensorModel:
     ) -> list[tuple[int, int, np.ndarray]]:
         """Adds what a contact surface causes to what is `felt` `(S,)` N.
 
-        The links have poses `(skins, 3, 4)`. Returns skin, toucher and total as of `Touches.of`,
+        The links have poses `(skins, 3, 4)`. Returns skin, toucher and total as in `Touches.of`,
         for each skin that is pressed.
         """
         found = []

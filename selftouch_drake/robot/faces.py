@@ -105,7 +105,7 @@ def _decode(kind: Any, data: bytes, at: int) -> tuple[dict[str, Any], int]:
 
 @compiled
 def _of_polygons(polygons, p, pressure, num):
-    """Centroids and forces as of `Faces` of `num` polygons, on which pressure `(V,)` Pa is linear.
+    """Centroids and forces as in `Faces` of `num` polygons, on which pressure `(V,)` Pa is linear.
 
     Each is as many vertices of `p` `(V, 3)` m as the number before them says.
     """

@@ -90,14 +90,14 @@ class ImperfectSkin:
             return None
         # The first skin keeps the stream of versions with one skin.
         which = (number,) if number else ()
-        chance = np.random.default_rng(experiment.random_stream("skin", 0, *which))
+        rng = np.random.default_rng(experiment.random_stream("skin", 0, *which))
         alive = np.ones(num_receptors, dtype=bool)
         num_dead = round(flaws.dead * num_receptors)
-        alive[chance.choice(num_receptors, num_dead, replace=False)] = False
+        alive[rng.choice(num_receptors, num_dead, replace=False)] = False
         source = np.arange(num_receptors)
         for when, change in enumerate(changes):
-            drawn = np.random.default_rng(experiment.random_stream("changes", number, when))
-            _rewire(change, source, alive, drawn)
+            changing = np.random.default_rng(experiment.random_stream("changes", number, when))
+            _rewire(change, source, alive, changing)
         (seed,) = experiment.random_stream("skin", 1, *which).generate_state(1, np.uint64)
         leak = (skin.fields.vertex_weights.T @ skin.fields.vertex_weights).tocsr()
         # Nothing leaks from a field that overlaps with no other.
@@ -124,7 +124,7 @@ class ImperfectSkin:
     ) -> np.ndarray:
         """`(N, S)` readings if a perfect skin feels `sensation` `(N, S)` N at `q` `(N, J)`.
 
-        None is negative. Those `before` are as of `readings`.
+        None is negative. The last readings, `before`, are as in `read_forces`.
         """
         flaws = self.flaws
         read = np.array(sensation, dtype=float)
@@ -150,18 +150,18 @@ class ImperfectSkin:
 
 
 def _rewire(
-    change: SkinChange, source: np.ndarray, alive: np.ndarray, chance: np.random.Generator
+    change: SkinChange, source: np.ndarray, alive: np.ndarray, rng: np.random.Generator
 ) -> None:
     """Changes in place which receptor each reading comes from, and which receptors are alive."""
     num_receptors = len(source)
     num_pairs = round(change.swapped_share * num_receptors / 2)
-    drawn = chance.permutation(num_receptors)[: 2 * num_pairs].reshape(-1, 2)
+    drawn = rng.permutation(num_receptors)[: 2 * num_pairs].reshape(-1, 2)
     for pair in [*change.swapped, *drawn.tolist()]:
         source[pair], alive[pair] = source[pair[::-1]], alive[pair[::-1]]
     alive[change.new] = True
     alive[change.dead] = False
     num_dead = round(change.dead_share * num_receptors)
-    alive[chance.choice(num_receptors, num_dead, replace=False)] = False
+    alive[rng.choice(num_receptors, num_dead, replace=False)] = False
 
 
 def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
@@ -175,8 +175,8 @@ def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
 
 def slip(experiment: Experiment, num_joints: int) -> np.ndarray:
     """`(J,)` rad or m, by how much joint readings exceed the true positions after babbling."""
-    chance = np.random.default_rng(experiment.random_stream("joints", 0))
-    return experiment.joints.offset * chance.standard_normal(num_joints)
+    rng = np.random.default_rng(experiment.random_stream("joints", 0))
+    return experiment.joints.offset * rng.standard_normal(num_joints)
 
 
 def standard_noise(q: np.ndarray, width: int, *, seed: int) -> np.ndarray:

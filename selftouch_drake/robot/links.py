@@ -56,7 +56,7 @@ def scoped_name(plant: MultibodyPlant, element: Any) -> str:
 
 
 def find_named(plant: MultibodyPlant, known: Sequence, name: str, field: str, kind: str):
-    """That of some links, frames or joints which is called `name`; errors as of `find_link`."""
+    """That of some links, frames or joints which is called `name`; errors as in `find_link`."""
     found = [e for e in known if scoped_name(plant, e) == name]
     found = found or [e for e in known if e.name() == name]
     if len(found) == 1:

@@ -292,7 +292,7 @@ def _buffers(path: Path) -> list[Path]:
 def one_line(what: str) -> Iterator[None]:
     """Makes one line of what Drake raises, and keeps what it logs from the terminal.
 
-    Drake warns of everything in a model that it does not use, as of the whole `contact` of MJCF.
+    Drake warns of everything in a model that it does not use, such as the whole `contact` of MJCF.
 
     Raises:
         ExperimentError: Drake raised something; the text is `what` and Drake's own.

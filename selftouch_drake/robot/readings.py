@@ -1,7 +1,7 @@
 """What a skin reports of the forces on its receptors: forces, one bit each, or counts.
 
 This is the one place where forces become readings, for kinematic and dynamic worlds and for
-`TactileSkin` alike. Centres of groups are no matter of readings: they are fields
+`TactileSkin` alike. Centres of groups are not made here: they are receptive fields
 (`geometry.group_centres`).
 """
 

@@ -142,7 +142,7 @@ class BabblingJoints:
         """The joints of the robot of an experiment, which takes no time for its skins.
 
         Raises:
-            ExperimentError: as of `MakeRobot`.
+            ExperimentError: as in `MakeRobot`.
         """
         plant = _make_plant(experiment)
         plant.Finalize()

@@ -158,11 +158,11 @@ def AddModelsAndSkins(
         path: of the file.
         parser: of a plant that is not yet finalized; its package map finds `package://` URIs.
         scene_graph: of the plant.
-        seed: as of `AddSkins`.
-        visible: as of `AddSkins`.
+        seed: as in `AddSkins`.
+        visible: as in `AddSkins`.
 
     Raises:
-        ExperimentError: as of `AddSkins`; or the file has other keys, or a model does not parse.
+        ExperimentError: as in `AddSkins`; or the file has other keys, or a model does not parse.
     """
     path = Path(path)
     skins, sections = load_skins(path), yaml_sections(path)

@@ -116,7 +116,7 @@ def distance_to_triangles(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def _cells_of_tets(
     planes: np.ndarray, box: np.ndarray, grid: np.ndarray, shape: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of a cell and a tetrahedron that meets it; arguments as of `SoftSkin`."""
+    """Pairs of a cell and a tetrahedron that meets it; arguments as in `SoftSkin`."""
     low, high = (np.floor((c - grid[:3]) / grid[3]).astype(int) for c in np.split(box, 2, axis=1))
     low, high = np.maximum(low, 0), np.minimum(high, shape - 1)
     size = high - low + 1
@@ -168,7 +168,7 @@ def tets_near(skin, box, look, seen, tets):
 
 
 def _nearest_faces(corners: np.ndarray, centroid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the faces of each tetrahedron end, and the faces; arguments as of `SoftSkin`."""
+    """Where the faces of each tetrahedron end, and the faces; arguments as in `SoftSkin`."""
     # Three tetrahedra, half a prism of a wall, share one search for faces in reach: for at least
     # all that may be nearest to one of their points.
     prisms = corners.reshape(-1, 12, 3)

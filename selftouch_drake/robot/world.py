@@ -19,7 +19,7 @@ from selftouch_drake.robot.skins import SkinModel, make_skins
 
 
 class Postures:
-    """Drake's view of a robot at one configuration after another; arguments as of `MakeRobot`."""
+    """Drake's view of a robot at one configuration after another; arguments as in `MakeRobot`."""
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
         scene_graph = SceneGraph()
@@ -65,7 +65,7 @@ class ContactProbe:
             sensation = self._imperfections(sensation, q)
         return dataclasses.replace(touches, sensation=sensation, row=rows[touches.row])
 
-    def felt(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
+    def felt_rows(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
         """The rows of `q` `(N, J)` with a touch, and their touches.
 
         Where touches are rare this takes a fraction of the time of `touches`, which has a row of
@@ -79,21 +79,21 @@ class ContactProbe:
         return rows[felt], touches.of_rows(felt)
 
     def touching(self, q: np.ndarray) -> tuple[np.ndarray, Touches | None]:
-        """As `felt`; without touches where it costs less to ask later for those that matter.
+        """As `felt_rows`; without touches where it costs less to ask later for those that matter.
 
         So it does if a touching posture may be impossible, and if no skin has to be read for
         seeing whether it is touched.
         """
         rigid = self._imperfections is None and self._rigid_touchers.is_rigid.all()
         if not rigid or not self.robot.rigid_pairs:
-            return self.felt(q)
+            return self.felt_rows(q)
         rows, touches = self._of_perfect_skins(q, once=True)
         return rows[touches.sensation.any(axis=1)], None
 
     def _of_perfect_skins(self, q: np.ndarray, *, once: bool = False) -> tuple[np.ndarray, Touches]:
         """The rows of `q` with something near a skin, and the touches of perfect skins there.
 
-        `once` is as of `RigidTouchers.touches`.
+        `once` is as in `RigidTouchers.touches`.
         """
         near = self._screen.near(q)
         rows = np.flatnonzero(near.any(axis=1))

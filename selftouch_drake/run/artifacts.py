@@ -244,7 +244,7 @@ def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
 
 
 def load_execution(run: RunDirectory, *targets: int | str) -> Execution:
-    """A stored execution; arguments and errors as of `load_motion`."""
+    """A stored execution; arguments and errors as in `load_motion`."""
     return _load_plan(run, Execution, targets)
 
 
@@ -321,8 +321,8 @@ def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
             "doubt": part.doubt or "",
             "kernels": part.kernels,
             "pieces": np.pad(part.pieces, ((0, 0), (0, 3 - part.pieces.shape[1]))),
-            "skin_dimension": part.skin,
-            "embedding_dimension": part.space,
+            "skin_dimension": part.skin_dimension,
+            "embedding_dimension": part.space_dimension,
             "stress": part.embedding.stress,
             "spectrum": part.embedding.spectrum,
         }
@@ -330,7 +330,7 @@ def _topology_arrays(body: "RecoveredBody") -> dict[str, np.ndarray]:
             found["dimension"] = part.dimension
         if (holes := part.topology) is not None:
             found["betti"] = holes.betti
-            found["scales"] = [holes.margin, holes.scale, holes.spacing]
+            found["scales"] = [holes.margin, holes.scale, holes.meeting_radius]
             found |= {f"diagram_{d}": bars for d, bars in enumerate(holes.diagram)}
         arrays |= {f"{_prefix(number)}{name}": np.array(value) for name, value in found.items()}
     return arrays
@@ -344,35 +344,35 @@ def _part_from(
     from selftouch_drake.quotient.layout import Embedding
 
     prefix = _prefix(number)
-    of = {
+    found = {
         name.removeprefix(prefix): array
         for name, array in arrays.items()
         if name.startswith(prefix)
     }
-    kernels, holes = of["kernels"], None
-    if "betti" in of:
-        margin, scale, spacing = of["scales"].tolist()
-        components, loops, voids = of["betti"].tolist()
+    kernels, holes = found["kernels"], None
+    if "betti" in found:
+        margin, scale, meeting_radius = found["scales"].tolist()
+        components, loops, voids = found["betti"].tolist()
         holes = Topology(
             betti=(components, loops, voids),
             margin=margin,
             scale=scale,
-            spacing=spacing,
-            diagram=(of["diagram_0"], of["diagram_1"], of["diagram_2"]),
+            meeting_radius=meeting_radius,
+            diagram=(found["diagram_0"], found["diagram_1"], found["diagram_2"]),
         )
-    space = int(of["embedding_dimension"])
+    space = int(found["embedding_dimension"])
     return RecoveredPart(
-        doubt=str(of["doubt"]) or None,
+        doubt=str(found["doubt"]) or None,
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
-        skin=int(of["skin_dimension"]),
-        space=space,
+        skin_dimension=int(found["skin_dimension"]),
+        space_dimension=space,
         embedding=Embedding(
             positions=representation.embedding[kernels, :space],
-            stress=float(of["stress"]),
-            spectrum=of["spectrum"],
+            stress=float(found["stress"]),
+            spectrum=found["spectrum"],
         ),
-        pieces=of["pieces"][:, :space],
+        pieces=found["pieces"][:, :space],
         topology=holes,
-        dimension=float(of["dimension"]) if "dimension" in of else None,
+        dimension=float(found["dimension"]) if "dimension" in found else None,
     )

@@ -32,7 +32,7 @@ def model_digests(
 ) -> dict[str, str]:
     """Digests of every file that decides the robot and its skins, as it is now.
 
-    Errors and `announce` are as of `body_files`; an ExperimentError names a missing file of a skin.
+    Errors and `announce` are as in `body_files`; an ExperimentError names a missing file of a skin.
     """
     files = body_files(experiment, announce)
     of_skins = _skin_files(experiment)

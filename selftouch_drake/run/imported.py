@@ -87,7 +87,7 @@ def imported_experiment(
 ) -> Experiment:
     """The experiment of a run whose data come from another robot.
 
-    `overrides` are as of `load_experiment`. The limits, in rad or m per s and per s², hold for all
+    `overrides` are as in `load_experiment`. The limits, in rad or m per s and per s², hold for all
     joints; by default the velocity of each is the 99th percentile of its recorded speeds, or 1
     if no time was recorded, and the acceleration five times that.
 

@@ -10,14 +10,14 @@ from selftouch_drake.run.directory import MissingError, RunDirectory
 
 
 def load_agent(run: RunDirectory | Path | str, *, predicts: bool = False) -> Agent:
-    """The agent of a run, or of its path; all else is as of `artifacts.load_agent`."""
+    """The agent of a run, or of its path; all else is as in `artifacts.load_agent`."""
     return artifacts.load_agent(opened(run), predicts=predicts)
 
 
 def load_body_model(run: RunDirectory | Path | str) -> BodyModel:
     """The body model of a run, or of its path, whether the agent accepted it or not.
 
-    Errors are as of `artifacts.load_body_model`.
+    Errors are as in `artifacts.load_body_model`.
     """
     return artifacts.load_body_model(opened(run))
 

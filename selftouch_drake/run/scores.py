@@ -93,8 +93,8 @@ def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:
     by_part: dict[str, list[Any]] = {
         "topology_betti": [None if found is None else list(found.betti) for found in topologies],
         "intrinsic_dimension": [part.dimension for part in body.parts],
-        "skin_dimension": [part.skin for part in body.parts],
-        "embedding_dimension": [part.space for part in body.parts],
+        "skin_dimension": [part.skin_dimension for part in body.parts],
+        "embedding_dimension": [part.space_dimension for part in body.parts],
     }
     if _several(run, body):
         metrics |= {f"{name}_by_part": values for name, values in by_part.items()}

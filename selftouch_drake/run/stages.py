@@ -23,7 +23,7 @@ from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
-from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
 from selftouch_drake.experience.store import WalkCounts
 from selftouch_drake.files import load_arrays, save_arrays
@@ -74,7 +74,7 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     bodies = run_bodies(run)
     if bodies.world is not None:
         _save_skin(run, bodies.world)
-    elif isinstance(bodies, LivingBody) and run.known_baseline() is None:
+    elif isinstance(bodies, UserBody) and run.known_baseline() is None:
         progress(0.0, "readings at rest")
         run.keep_baseline(bodies.find_baseline(run.experiment))
     keep_bodies(run, bodies)
@@ -85,9 +85,10 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         "babbling_num_steps": counts.num_steps,
         "babbling_touch_rate": counts.num_rows / counts.num_steps,
         "babbling_num_impossible": counts.num_impossible,
-        **({"babbling_robot_s": counts.robot_s} if counts.robot_s else {}),
-        "babbling_wall_s": wall_before + time.perf_counter() - began,
     }
+    if counts.robot_s:
+        found["babbling_robot_s"] = counts.robot_s
+    found["babbling_wall_s"] = wall_before + time.perf_counter() - began
     if bodies.world is not None:
         found |= touch_metrics(run, bodies.world)
     run.add_metrics(found)
@@ -261,12 +262,15 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
         ValueError: no plan exists, or `q_start` is not a configuration within the limits.
     """
     motion = _planned_in_body(run, *targets, q_start=q_start)
-    _keep_plan(run, motion, *([] if q_start is None else [free_start(q_start)]), *targets)
+    if q_start is None:
+        _keep_plan(run, motion, *targets)
+    else:
+        _keep_plan(run, motion, free_start(q_start), *targets)
     return motion
 
 
 def planned(run: RunDirectory, *targets: int) -> Motion:
-    """As `plan`, but keeps nothing; in an imported run without a body, as `plan_imported`."""
+    """The motion that `plan` makes, or `plan_imported` where there is no body; keeps nothing."""
     if run.experiment.imported is not None and not bodies_of.knows(
         run.experiment.after(0), run.fingerprint()
     ):
@@ -316,7 +320,7 @@ def _keep_plan(run: RunDirectory, motion: Motion, *targets: int | str, **numbers
 def execute(run: RunDirectory, *targets: int | str) -> Try:
     """Executes a stored plan in the agent's body, and saves the sensations with it.
 
-    The targets name the plan, as of `load_motion`.
+    The targets name the plan, as in `load_motion`.
 
     Returns:
         The agent's own judgement of it.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART
 from selftouch_drake.bodies.embodiment import build_world
 from selftouch_drake.evaluation.shape import (
     KernelTruth,
@@ -154,12 +154,12 @@ def _check_distances(distances: np.ndarray, num: int, items: str) -> None:
 def _laid_out(distances: np.ndarray, part: np.ndarray) -> np.ndarray:
     """`(n, 3)` places by `(n, n)` symmetric, finite distances, each of `(n,)` parts by itself.
 
-    They may be straight or along the skin; NaN in parts of less than `LEAST_KERNELS` items.
+    They may be straight or along the skin; NaN in parts of less than `LEAST_OF_PART` items.
     """
     places = np.full((len(part), 3), np.nan)
     for number in np.unique(part):
         here = np.flatnonzero(part == number)
-        if len(here) >= LEAST_KERNELS:
+        if len(here) >= LEAST_OF_PART:
             apart = distances[np.ix_(here, here)]
             edges = connected_edges(neighbour_edges(apart), apart)
             places[here] = curvature_corrected_mds(edges, apart).positions
@@ -199,7 +199,7 @@ def _scores(
 def _cells(
     truth: Arrays, weight: np.ndarray, places: np.ndarray, true: np.ndarray, part: np.ndarray
 ) -> _Cells:
-    """The cells of items, as of `_scores`.
+    """The cells of items, as in `_scores`.
 
     A cell lies at the mean of the places of its items, those of the part that most of them are on,
     and truly at the mean of their true places: so right places have no error, however few they are.
@@ -229,7 +229,7 @@ def _cells(
 def _part_scores(truth: Arrays, cells: _Cells) -> dict[str, Any]:
     """Number and topology of the parts that are large enough, beside those of the true ones."""
     sizes = np.bincount(cells.part, minlength=1)
-    parts = [p for p in np.argsort(-sizes, kind="stable") if sizes[p] >= LEAST_KERNELS]
+    parts = [p for p in np.argsort(-sizes, kind="stable") if sizes[p] >= LEAST_OF_PART]
     topologies, betti_true = [], list[list[int] | None]()
     for part in parts:
         here = cells.part == part

@@ -171,7 +171,7 @@ class FirstTries:
         return score_motion(execution.motion, execution.felt, self.agent.representation)
 
     def off_skin_s(self, execution: Execution) -> float | None:
-        """As of `ExecutionScorer`; None if nobody knows."""
+        """As in `ExecutionScorer`; None if nobody knows."""
         return None if self._scorer is None else self._scorer.off_skin_s(execution)
 
     def _slowly(self, motion: Motion) -> tuple[MotionScore | None, Felt | None]:

@@ -16,8 +16,8 @@ from selftouch_drake.bodies.embodiment import (
     make_bodies,
     without_robot,
 )
-from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.bodies.own import open_reference
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of, write_shard
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
@@ -65,11 +65,11 @@ def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -
 
 
 @contextmanager
-def living_in(run: RunDirectory, reference: str | None) -> Iterator[None]:
-    """Keeps the touches that a body of others meets meanwhile, for `selftouch learn --add`.
+def with_user_body(run: RunDirectory, reference: str | None) -> Iterator[None]:
+    """Keeps the touches that a user's body meets meanwhile, for `selftouch learn --add`.
 
-    The reference is a body in which the agent lives from now on, as `my_body.py:MyBody`; of an
-    imported run, or of one with a body of its own.
+    The reference, such as `my_body.py:MyBody`, is the body in which the agent lives from now on. A
+    run may have one that was imported, or whose body Drake does not simulate.
 
     Raises:
         BodyError: as `open_reference`.
@@ -84,7 +84,7 @@ def living_in(run: RunDirectory, reference: str | None) -> Iterator[None]:
         yield
         return
     body = run_bodies(run)
-    assert isinstance(body, LivingBody)
+    assert isinstance(body, UserBody)
     body.met = []
     try:
         yield
@@ -109,7 +109,7 @@ def _keep_met(run: RunDirectory, q: np.ndarray, sensation: csr_array) -> None:
     write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
 
 
-def _opened(run: RunDirectory, reference: str) -> LivingBody:
+def _opened(run: RunDirectory, reference: str) -> UserBody:
     """The body that a user names for a run."""
     if run.experiment.has_truth:
         raise RunError(
@@ -127,8 +127,8 @@ def _opened(run: RunDirectory, reference: str) -> LivingBody:
             f"--body has {body.num_receptors} receptors, and the run {num_receptors}; give the "
             "body that was recorded"
         )
-    living = LivingBody(body, run.known_baseline())
-    if (still := living.still) is not None:
+    opened = UserBody(body, run.known_baseline())
+    if (still := opened.still) is not None:
         _, q = next(run.touches().touches())
         some = q[:: max(len(q) // _FELT_AGAIN, 1)]
         again = int(still.feel(some.astype(float)).sensation.any(axis=1).sum())
@@ -139,7 +139,7 @@ def _opened(run: RunDirectory, reference: str) -> LivingBody:
                 OtherBodyWarning,
                 stacklevel=2,
             )
-    return living
+    return opened
 
 
 def add_met(run: RunDirectory) -> int:
@@ -170,7 +170,7 @@ def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
     if (world := bodies.world) is not None:
         run.keep_joint_names(world.robot.joint_names)
         kept_skins(run.cache, run.fingerprint(), world)
-    elif isinstance(bodies, LivingBody):
+    elif isinstance(bodies, UserBody):
         run.keep_joint_names(bodies.joint_names)
         bodies.baseline = bodies.baseline or run.known_baseline()
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())

@@ -57,7 +57,7 @@ def write_babbling(run: RunDirectory, data: RunData) -> Path | None:
 def write_report(run: RunDirectory, progress: Progress = silent, *, vector: bool = False) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
-    Arguments as of `draw_figures`, errors as of `write_figures`.
+    Arguments as in `draw_figures`, errors as in `write_figures`.
     """
     data = RunData(run)
     data.require_sound()
@@ -82,7 +82,7 @@ def play(
 ) -> None:
     """Shows the agent of a run live in a browser, until its `end` button or Ctrl-C.
 
-    `port` and `announce`, which also hears of every motion, are as of `shown_page`.
+    `port` and `announce`, which also hears of every motion, are as in `shown_page`.
 
     Raises:
         ValueError: the run has not learned, or the port is taken.

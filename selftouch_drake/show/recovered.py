@@ -70,7 +70,8 @@ def laid_on_skins(
     for number, part in enumerate(body.parts):
         if part.topology is None:
             continue
-        faces, is_line = fitted_surface(part.places, part.topology, part.skin), part.skin == 1
+        is_line = part.skin_dimension == 1
+        faces = fitted_surface(part.places, part.topology, part.skin_dimension)
         if not len(faces):
             continue
         places = align(part.positions, true[part.kernels], part.places)

@@ -14,7 +14,7 @@ from selftouch_drake.robot.robot import BabblingJoints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Begun:
+class BegunWalk:
     """A walk that was begun.
 
     Attributes:
@@ -27,7 +27,7 @@ class Begun:
     approach_s: float
     approach: np.ndarray
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Begun":
+    def __deepcopy__(self, memo: dict[int, Any]) -> "BegunWalk":
         """Itself: Drake copies the parameters of a context, and what was begun never changes."""
         return self
 
@@ -119,7 +119,7 @@ class Babbler(LeafSystem):
         rate = (first - begin) / approach_s if approach_s else np.zeros_like(first)
         value = Value[object]()
         approach = np.concatenate([begin, rate])
-        value.set_value(Begun(pieces=pieces, approach_s=approach_s, approach=approach))
+        value.set_value(BegunWalk(pieces=pieces, approach_s=approach_s, approach=approach))
         return value
 
     def _make_walk(self, walk: int) -> StraightPieces:

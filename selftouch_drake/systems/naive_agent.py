@@ -11,7 +11,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.planning.timing import braking, time_path
 
-#: rad/s and rad/s², or m/s and m/s², limits of its motions by default, as of an experiment.
+#: rad/s and rad/s², or m/s and m/s², limits of its motions by default, as in an experiment.
 VELOCITY, ACCELERATION = 1.0, 5.0
 
 #: s between two looks at the goal.
@@ -106,7 +106,7 @@ class NaiveAgent(LeafSystem):
     def AddToBuilder(
         builder: DiagramBuilder, agent: Agent, *, name: str = "naive_agent", **limits: Any
     ) -> "NaiveAgent":
-        """Adds an agent to a diagram; limits are as of the constructor."""
+        """Adds an agent to a diagram; limits are as in the constructor."""
         mind = NaiveAgent(agent, **limits)
         builder.AddNamedSystem(name, mind)
         return mind

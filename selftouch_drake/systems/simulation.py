@@ -63,7 +63,7 @@ class RunningDiagram:
     Args:
         experiment: of the robot.
         skins: its skins.
-        commander: as of `MakeSelfTouchDiagram`.
+        commander: as in `MakeSelfTouchDiagram`.
         log_period: s, between two entries of the log; infinite if there is no log.
         every_step: whether torques and postures of every step of the plant are logged as well.
         meshcat: where to show it.
@@ -218,7 +218,7 @@ class Simulation(RunningDiagram):
     """A robot under dynamics that follows paths.
 
     Args:
-        experiment: as of `RunningDiagram`, as is `how`.
+        experiment: as in `RunningDiagram`, as is `how`.
         skins: likewise.
         num_joints: J, if it is known already.
     """
@@ -301,7 +301,7 @@ class Simulation(RunningDiagram):
 
 
 class Babbling(RunningDiagram):
-    """A robot under dynamics that babbles; arguments as of `RunningDiagram`, and of `Babbler`."""
+    """A robot under dynamics that babbles; arguments as in `RunningDiagram` and `Babbler`."""
 
     def __init__(
         self,
@@ -325,7 +325,7 @@ class Babbling(RunningDiagram):
     def go_on_to(
         self, walk: int, q: np.ndarray, v: np.ndarray, q_from: np.ndarray, approach_s: float
     ) -> None:
-        """Begins a walk with a robot that travels to it, with the approach as of `SetWalk`.
+        """Begins a walk with a robot that travels to it, with the approach as in `SetWalk`.
 
         It truly is at `(J,)` q, at rates `(J,)`. What it feels on the way there is not logged.
         """

@@ -143,9 +143,9 @@ def _export_desired_state(builder: DiagramBuilder, robot: Robot, slipped: np.nda
         return
     true = builder.AddNamedSystem("true_desired_state", Adder(2, 2 * robot.num_joints))
     offset = np.concatenate([-slipped, np.zeros(robot.num_joints)])
-    by = builder.AddNamedSystem("slip", ConstantVectorSource(offset))
+    slip_source = builder.AddNamedSystem("slip", ConstantVectorSource(offset))
     builder.ExportInput(true.get_input_port(0), "desired_state")
-    builder.Connect(by.get_output_port(), true.get_input_port(1))
+    builder.Connect(slip_source.get_output_port(), true.get_input_port(1))
     for each in inputs:
         builder.Connect(true.get_output_port(), each)
 

@@ -135,7 +135,7 @@ class TouchServo(LeafSystem):
         upper: np.ndarray,
         name: str = "touch_servo",
     ) -> "TouchServo":
-        """Adds a servo behind what commands a robot; limits are as of the constructor."""
+        """Adds a servo behind what commands a robot; limits are as in the constructor."""
         servo = TouchServo(num_receptors=sensation.size(), lower=lower, upper=upper)
         builder.AddNamedSystem(name, servo)
         builder.Connect(desired_state, servo.GetInputPort("desired_state"))

@@ -12,7 +12,7 @@ from lives import Travels, Walled
 
 from selftouch_drake.agent.body import BodyError
 from selftouch_drake.bodies.checked import CheckedBody
-from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experience.collect import collect_walk, require_complete
 from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experience.store import ExperienceReader
@@ -55,7 +55,7 @@ def toy():
 
 def born(toy, **babbling):
     experiment = experiment_from_fields(python("Travels") | {"babbling": babbling})
-    living = LivingBody(CheckedBody(toy))
+    living = UserBody(CheckedBody(toy))
     return experiment, living, living.find_baseline(experiment)
 
 
@@ -79,7 +79,7 @@ def test_to_the_start_of_a_motion_it_goes_round_what_is_in_the_way():
 
 def test_before_birth_nothing_is_felt(toy):
     with pytest.raises(BodyError, match="Travels is not calibrated: babble first"):
-        _ = LivingBody(CheckedBody(toy)).babbling
+        _ = UserBody(CheckedBody(toy)).babbling
 
 
 def test_the_calibration_is_kept_in_a_file_of_the_run(tmp_path):

@@ -1,6 +1,7 @@
 """The paper is readable alone: its folder needs nothing of ours, and few libraries."""
 
 import ast
+import re
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,7 @@ ALLOWED = {"numpy", "scipy", "sklearn", "networkx", "numba", "threadpoolctl"}
 SPHERE = """
 import sys
 import numpy as np
-from quotient import Ways, learn, plan, recover
+from quotient import PlanningGraph, learn, plan, recover
 
 assert not any(name.startswith("selftouch_drake") for name in sys.modules)
 with np.load("sphere.npz") as file:
@@ -59,6 +60,26 @@ def test_it_imports_nothing_of_ours(path):
 )
 def test_the_look_at_the_source_sees_what_is_imported(source, found):
     assert outside(source) == found
+
+
+def reading_order() -> list[str]:
+    """The modules in the order in which the package says to read them; tools come first."""
+    lists, tools = quotient.__doc__.split("1. ", 1)[1].split("are tools")[0].rsplit("\n\n", 1)
+    in_lists = [re.findall("`(\\w+)`", line) for line in lists.split("\n")]
+    return re.findall("`(\\w+)`", tools) + [name for names in in_lists for name in names]
+
+
+def test_each_module_needs_only_those_that_are_read_before_it():
+    order = reading_order()
+    assert sorted(order) == sorted(path.stem for path in FOLDER.glob("*.py") if path.stem[0] != "_")
+    for place, name in enumerate(order):
+        source = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
+        needs = {
+            node.module
+            for node in ast.walk(ast.parse(source))
+            if isinstance(node, ast.ImportFrom) and node.level == 1
+        }
+        assert needs <= set(order[:place]), name
 
 
 def test_the_folder_copied_out_learns_recovers_and_plans(tmp_path, experience):

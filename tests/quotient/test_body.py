@@ -19,7 +19,7 @@ def places(representation):
 
 
 def test_a_sphere_is_recovered_from_bare_arrays(representation, shape):
-    assert (shape.skin, shape.space) == (2, 3)
+    assert (shape.skin_dimension, shape.space_dimension) == (2, 3)
     assert shape.topology.betti == (1, 0, 1)
     assert shape.topology.margin > 3
     assert 1.6 < shape.dimension < 2.6
@@ -32,7 +32,7 @@ def test_the_papers_own_metric_is_of_the_complete_graph(representation):
     assert len(graph.edges) == 120 * 119 / 2
     sets = representation.kernel_sets
     for (i, j), length in zip(graph.edges[::997], graph.length[::997], strict=True):
-        apart = np.linalg.norm(sets.members(i)[:, None] - sets.members(j), axis=2)
+        apart = np.linalg.norm(sets.configurations(i)[:, None] - sets.configurations(j), axis=2)
         assert length == pytest.approx(apart.min(), rel=1e-4)
 
     def lay_out(edges, distances, dimension):
@@ -53,5 +53,5 @@ def test_a_ring_is_a_line_in_a_plane():
     q = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     receptors = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     found = recover(learn(q, np.exp(4 * np.cos(turn[:, None] - receptors)), num_targets=60))
-    assert (found.skin, found.space) == (1, 2)
+    assert (found.skin_dimension, found.space_dimension) == (1, 2)
     assert found.topology.betti == (1, 1, 0)

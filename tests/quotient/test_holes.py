@@ -85,7 +85,7 @@ def test_gaps_of_a_closed_body_are_no_loops():
     )
     length = loops[:, 1] - loops[:, 0]
     # Of three gaps in a closed surface, two leave a loop; each is filled before the void is born.
-    assert (length[2:4] > 1.3 * found.spacing).all()
+    assert (length[2:4] > 1.3 * found.meeting_radius).all()
     assert (loops[2:4, 1] <= closed).all()
     assert found.margin == pytest.approx(length[1] / length[2], rel=0.25)
 

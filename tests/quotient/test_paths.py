@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from selftouch_drake.quotient.paths import component_labels, geodesics, locally_scaled
+from selftouch_drake.quotient.paths import component_labels, geodesics
 
 
 def test_components_are_named_by_size():
@@ -47,10 +47,3 @@ def test_the_quotient_distance_is_a_pseudo_metric(num_kernels, seed):
     assert (found <= minimum + 1e-12).all()
     through = found[:, :, None] + found[None, :, :]
     assert (found <= through.min(axis=1) + 1e-9).all()
-
-
-def test_local_scale_evens_out_crowded_and_sparse_places():
-    edges = np.array([[0, 1], [1, 2], [3, 4], [4, 5]])
-    place = np.array([0.0, 1.0, 2.0, 10.0, 15.0, 20.0])
-    length = place[edges[:, 1]] - place[edges[:, 0]]
-    np.testing.assert_allclose(locally_scaled(length, edges), 1.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from by_hand import laid_by_hand, ring_by_hand
 
-from selftouch_drake.quotient import Representation, Ways, plan
+from selftouch_drake.quotient import PlanningGraph, Representation, plan
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,11 @@ def test_a_plan_starts_where_the_joints_are(ring):
 
 
 def test_one_set_of_ways_serves_many_plans(ring):
-    ways = Ways.of(ring)
-    assert plan(ring, 2, 12, ways=ways).path.c.tobytes() == plan(ring, 2, 12).path.c.tobytes()
+    planning_graph = PlanningGraph.of(ring)
+    assert (
+        plan(ring, 2, 12, planning_graph=planning_graph).path.c.tobytes()
+        == plan(ring, 2, 12).path.c.tobytes()
+    )
 
 
 def test_a_plan_to_the_start_is_to_stay(ring):

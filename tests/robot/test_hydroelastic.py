@@ -242,7 +242,7 @@ def test_patches_hold_every_face_once():
 
 def test_what_is_felt_is_what_touches_has_in_those_rows(world):
     q = robots.configurations(world)
-    rows, felt = world.probe.felt(q)
+    rows, felt = world.probe.felt_rows(q)
     touches = world.probe.touches(q)
     np.testing.assert_array_equal(rows, np.flatnonzero(touches.sensation.any(axis=1)))
     np.testing.assert_array_equal(felt.sensation, touches.sensation[rows])
@@ -256,7 +256,7 @@ def test_what_touches_is_seen_without_its_readings(name):
     q = random_walk(world.experiment, DrakeBody(world), 3).steps(3000)
     rows, touches = world.probe.touching(q)
     assert (touches is None) == (name == "infant")
-    np.testing.assert_array_equal(rows, world.probe.felt(q)[0])
+    np.testing.assert_array_equal(rows, world.probe.felt_rows(q)[0])
     assert len(rows) > 20
     felt_rows, felt = DrakeBody(world).feel(q).touches()
     np.testing.assert_array_equal(felt_rows, rows)

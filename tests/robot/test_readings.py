@@ -63,11 +63,11 @@ def test_worlds_read_alike(reading):
     world, forces = World(experiment), World(plain)
     forces.skins = world.skins
     q = np.random.default_rng(0).uniform(*world.robot.babbled_range, (3000, 6))
-    rows, touches = forces.probe.felt(q)
+    rows, touches = forces.probe.felt_rows(q)
     read = read_forces(touches.sensation, ReadingSettings(**reading))
     kept = read.any(axis=1)
     assert 0 < kept.sum() < len(kept)  # the lightest touches are not felt
-    found, felt = world.probe.felt(q)
+    found, felt = world.probe.felt_rows(q)
     np.testing.assert_array_equal(found, rows[kept])
     np.testing.assert_array_equal(felt.sensation, read[kept])
     np.testing.assert_array_equal(world.probe.sensations(q[rows]), read)

@@ -29,6 +29,7 @@ ROBOTS = {
     "gantry": Shipped(5, 1, (4, 7)),
     "planar": Shipped(3, 1, (2, 5)),
     "two_arms": Shipped(12, 3, (2, 5)),
+    "five_arms": Shipped(30, 1, (2, 6)),
     "infant": Shipped(14, 6, (4, 8)),
 }
 NUM_POSTURES = 6000

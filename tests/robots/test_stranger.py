@@ -70,7 +70,13 @@ def test_its_run_ends_with_a_report(robot, tmp_path):
 
 @pytest.mark.slow
 def test_fists_with_skin_are_parts_beside_what_they_press(tmp_path):
-    settings = yaml.safe_dump({"seed": 31, "babbling": {"num_samples": 20_000}})
+    settings = yaml.safe_dump(
+        {
+            "seed": 31,
+            "babbling": {"num_samples": 20_000},
+            "representation": {"body_model": "off"},
+        }
+    )
     run = tmp_path / "run"
     selftouch("babble", DATA / "infant_hands.yaml", "--out", run, "--set", settings)
     selftouch("learn", run)

@@ -283,8 +283,8 @@ def _part(kernels: np.ndarray, places: np.ndarray, distance: np.ndarray) -> Reco
         doubt=None,
         kernels=kernels,
         distances=distance[np.ix_(kernels, kernels)],
-        skin=2,
-        space=3,
+        skin_dimension=2,
+        space_dimension=3,
         embedding=Embedding(
             positions=positions, stress=0.001, spectrum=np.linspace(1.0, 0.0, len(kernels))
         ),

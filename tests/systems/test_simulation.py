@@ -252,11 +252,11 @@ def from_walk_to_motion_to_walk(world):
     body, ends, begins = DrakeBodies(world).babbling, [], []
     go_on = body.babble(0)
     go_on()
-    ends.append(body._runs.q.copy())
+    ends.append(body._running.q.copy())
     q = np.linspace(body._at, body._at + 0.05, 11)
     followed = body.follow(0.1 * np.arange(11), q)
     begins.append(followed.q[0])
-    ends.append(body._runs.q.copy())
+    ends.append(body._running.q.copy())
     travelled = body.robot_s
     go_on = body.babble(1)
     approach_s = body.robot_s - travelled

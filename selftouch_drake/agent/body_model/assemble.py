@@ -11,9 +11,10 @@ from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, Join
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
-    all_places,
-    covariance,
+    solution_places,
 )
+from selftouch_drake.agent.body_model.sizes import outward_normals
+from selftouch_drake.agent.body_model.support import nearest_toucher, shape_moved
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
 
 # A receptor lies where touches press it at least half as hard as the receptor that they press most.
@@ -37,7 +38,8 @@ class Found:
         order_group: `(J,)` as in `BodyModel`.
         judgements: of each part.
         seed: of the fit.
-        fixed: `(n,)` bool, parameters of the solution that the fit held.
+        spread: `(n, n)` covariance of the solution's twists and points, without the gauge; NaN for
+            what the fit held or nothing depends on.
     """
 
     tree: Tree
@@ -50,7 +52,7 @@ class Found:
     order_group: np.ndarray
     judgements: Mapping[int, Judgement]
     seed: int
-    fixed: np.ndarray
+    spread: np.ndarray
 
 
 def normalizing(place: np.ndarray) -> np.ndarray:
@@ -101,6 +103,10 @@ def assembled(
         transformed(carried[int(link)], point[None])[0]
         for link, point in zip(toucher_link, solution.points, strict=True)
     ]
+    shapes = np.zeros((len(points), 5))
+    if solution.sizes is not None:
+        for number, link in enumerate(toucher_link):
+            shapes[number] = shape_moved(carried[int(link)], solution.sizes.shape[number])
     place, normal = np.full((len(scene.part), 3), np.nan), np.full((len(scene.part), 3), np.nan)
     outward = outward_normals(scene, solution)
     for part, link in tree.part.items():
@@ -108,9 +114,10 @@ def assembled(
         place[here] = transformed(carried[link], solution.place[here])
         normal[here] = directions(carried[link], outward[here])
     toucher = np.full(num_rows, -1, dtype=np.int8)
-    toucher[found.rows] = np.where(
-        solution.share.sum(axis=1) > 0.5, solution.share.argmax(axis=1), -1
+    nearest = nearest_toucher(
+        solution_places(scene, solution), solution.place, scene.part, scene.target
     )
+    toucher[found.rows] = np.where(solution.share.sum(axis=1) > 0.5, nearest, -1)
     skin = _receptors(found, carried, normal, place, sensation)
     parts = range(num_parts)
     judged = [found.judgements.get(part) for part in parts]
@@ -125,7 +132,7 @@ def assembled(
         part_link=part_link,
         toucher_link=toucher_link,
         toucher_place=np.array(points),
-        toucher_shape=np.zeros((len(points), 5)),
+        toucher_shape=shapes,
         kernel_part=scene.part,
         kernel_place=place,
         kernel_normal=normal,
@@ -161,7 +168,7 @@ def reasons(judged: Sequence[Judgement | None]) -> str:
 def dimension(scene: Scene, solution: Solution) -> int:
     """Dimensions in which kernels' places spread much more than touches of one kernel do."""
     spreads = []
-    Y = all_places(scene, solution.twists, solution.points)
+    Y = solution_places(scene, solution)
     for part in scene.parts:
         rows = scene.rows(part)
         best = solution.share[rows].argmax(axis=1)
@@ -178,38 +185,9 @@ def dimension(scene: Scene, solution: Solution) -> int:
     return max(spreads, default=0)
 
 
-def outward_normals(scene: Scene, solution: Solution) -> np.ndarray:
-    """`(K, 3)` normals that look towards where touchers come from; NaN where unknown.
-
-    The rest of the toucher's link is outside the skin: a point of it that lies behind the toucher,
-    on the axis of its last joint, tells the side.
-    """
-    normal = solution.normal / np.linalg.norm(solution.normal, axis=1, keepdims=True)
-    side = np.zeros((len(scene.part), 3))
-    Y = all_places(scene, solution.twists, solution.points)
-    behind = solution.points.copy()
-    for (_, toucher), way in scene.ways.items():
-        turning = [j for j, s in way if s > 0 and np.linalg.norm(solution.twists[j, :3]) > 1e-6]
-        if not turning:
-            continue
-        w, v = solution.twists[turning[-1], :3], solution.twists[turning[-1], 3:]
-        foot = np.cross(w, v) / (w @ w)
-        behind[toucher] = foot + w * ((solution.points[toucher] - foot) @ w) / (w @ w)
-    back = all_places(scene, solution.twists, behind)
-    for toucher in range(len(behind)):
-        weight = np.nan_to_num(solution.share[:, toucher])
-        away = np.nan_to_num(back[toucher] - Y[toucher]) * weight[:, None]
-        for axis in range(3):
-            side[:, axis] += np.bincount(
-                scene.target, weights=away[:, axis], minlength=len(scene.part)
-            )
-    return np.where((np.einsum("ka,ka->k", side, normal) < 0)[:, None], -normal, normal)
-
-
 def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
     """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
-    solution = found.solution
-    spread = covariance(found.scene, solution, fixed=found.fixed)
+    solution, spread = found.solution, found.spread
     known = np.flatnonzero(np.isfinite(np.diag(spread)))
     of_twists = known[known < solution.twists.size]
     base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
@@ -251,7 +229,7 @@ def _receptors(
     kept = pressed.data >= _PRESSED * np.maximum(hardest[pressed.row], 1e-12)
     kept &= (pressed.data > 0) & (solution.share.sum(axis=1)[pressed.row] > 0.5)
     row, receptor, press = pressed.row[kept], pressed.col[kept], pressed.data[kept]
-    Y = all_places(scene, solution.twists, solution.points)
+    Y = solution_places(scene, solution)
     y = Y[solution.share.argmax(axis=1), np.arange(len(scene.q))]
     of_part = scene.part[scene.target]
     weight = (press / hardest[row]) ** 2

@@ -55,7 +55,7 @@ def moved(twist, a1, a2, t, x, y, z):
 @compiled
 def _places(q, twists, signs, point, place):
     for i in range(len(q)):
-        x, y, z = point[0], point[1], point[2]
+        x, y, z = point[i, 0], point[i, 1], point[i, 2]
         for joint in range(len(twists) - 1, -1, -1):
             twist, t = twists[joint], signs[joint] * q[i, joint]
             n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
@@ -72,13 +72,39 @@ def places(
     Args:
         q: `(n, L)` readings of the joints, from the place where the chain begins to the point.
         twists: `(L, 6)` w and v of each joint, per unit of its reading.
-        point: `(3,)` where the point is when all readings are 0.
+        point: `(3,)` where the point is when all readings are 0; `(n, 3)`: a point for each row.
         signs: `(L,)` 1, or -1 where the chain passes the joint backwards; all 1 by default.
     """
     q = np.ascontiguousarray(q, dtype=float)
     place = np.empty((len(q), 3))
-    _places(q, *_chain(twists, signs), np.array(point, dtype=float), place)
+    _places(q, *_chain(twists, signs), _points(point, len(q)), place)
     return place
+
+
+@compiled
+def _turns(q, twists, signs, turn):
+    only = np.zeros(6)
+    for i in range(len(q)):
+        own = turn[i]
+        for axis in range(3):
+            own[axis, axis] = 1.0
+        for joint in range(len(twists) - 1, -1, -1):
+            twist, t = twists[joint], signs[joint] * q[i, joint]
+            only[0], only[1], only[2] = twist[0], twist[1], twist[2]
+            n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
+            a1, a2, _, _ = coefficients(n2, t)
+            for axis in range(3):
+                own[0, axis], own[1, axis], own[2, axis] = moved(
+                    only, a1, a2, t, own[0, axis], own[1, axis], own[2, axis]
+                )
+
+
+def turns(q: np.ndarray, twists: np.ndarray, signs: np.ndarray | None = None) -> np.ndarray:
+    """`(n, 3, 3)` rotation of what a chain carries; arguments are those of `places`."""
+    q = np.ascontiguousarray(q, dtype=float)
+    turn = np.zeros((len(q), 3, 3))
+    _turns(q, *_chain(twists, signs), turn)
+    return turn
 
 
 @compiled
@@ -86,8 +112,9 @@ def _derivatives(q, twists, signs, point, place, by_twist, by_point, by_q):
     length = len(twists)
     points = np.empty((length + 1, 3))
     known = np.empty((length, 4))
-    points[length] = point
     for i in range(len(q)):
+        for axis in range(3):
+            points[length, axis] = point[i, axis]
         for joint in range(length - 1, -1, -1):
             twist, t = twists[joint], signs[joint] * q[i, joint]
             n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
@@ -165,7 +192,7 @@ def derivatives(
     length = len(twists)
     place, by_point = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
     by_twist, by_q = np.empty((len(q), 3, length, 6)), np.empty((len(q), 3, length))
-    tip = np.array(point, dtype=float)
+    tip = _points(point, len(q))
     _derivatives(q, *_chain(twists, signs), tip, place, by_twist, by_point, by_q)
     return place, by_twist, by_point, by_q
 
@@ -230,6 +257,11 @@ def shifted(
         out[joint] = adjoint(carried, twist / scale[joint])
         carried = carried @ exponentials(-twist * center[joint] / scale[joint])[0]
     return out, carried
+
+
+def _points(point: np.ndarray, number: int) -> np.ndarray:
+    """`(number, 3)` points of a point or of so many."""
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(point, dtype=float), (number, 3)))
 
 
 def _chain(twists: np.ndarray, signs: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -29,8 +29,10 @@ def limbs(statistic: np.ndarray, noise: float) -> list[list[int]]:
 
     Args:
         statistic: `(J, J)` of `structure.pair_statistic`.
-        noise: its standard deviation by chance.
+        noise: its standard deviation by chance; NaN where nothing is known of pairs.
     """
+    if not np.isfinite(noise):
+        return []
     num_joints = len(statistic)
     apart = statistic[~np.eye(num_joints, dtype=bool)]
     low = float(np.median(apart[apart < np.median(apart) + 4 * noise]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.body_model import grow, structure
+from selftouch_drake.agent.body_model import few, grow, structure
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.density import limbs
@@ -25,11 +25,12 @@ from selftouch_drake.agent.body_model.planes import in_a_plane
 from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
-    all_places,
-    expected,
+    covariance,
     refined,
+    solution_places,
     started,
 )
+from selftouch_drake.agent.body_model.sizes import carried_over, with_sizes
 from selftouch_drake.agent.body_model.structure import (
     Search,
     found_chains,
@@ -104,14 +105,21 @@ def find_body_model(
             seed=seed,
         )
 
-    if len(touches.rows) < structure.FEWEST or len(touches.moving) == 0:
+    number = len(touches.rows)
+    few_enough = sensation is not None and number <= few.MOST and len(set(part[target])) == 1
+    least = few.FEWEST if few_enough else structure.FEWEST
+    if number < least or len(touches.moving) == 0:
         return none(
-            f"{len(touches.rows)} touches of {len(touches.moving)} moving joints are too few to "
-            f"look for a body ({structure.FEWEST} needed)."
+            f"{number} touches of {len(touches.moving)} moving joints are too few to look for a "
+            f"body ({least} needed)."
         )
     tick = _Ticks(progress)
     search = Search(touches.single(), np.random.default_rng(seed), each, tick)
-    found = _find(search, touches, seed)
+    found = None
+    if few_enough:
+        found = _find_by_sensation(search, touches, sensation, seed)
+    if found is None:
+        found = _find(search, touches, seed)
     if found is None:
         return none("No chain of joints explains the touches.")
     tick.say(0.97, "skin")
@@ -189,7 +197,6 @@ class Touches:
 def _find(search: Search, touches: Touches, seed: int) -> Found | None:
     """The body of one part by one hand, or else of any tree."""
     purpose = held_out(touches.q, search.random)
-    tested = purpose > 0
     parts = sorted(set(touches.part[touches.target].tolist()))
     chain, several = None, True
     if len(parts) == 1:
@@ -197,7 +204,7 @@ def _find(search: Search, touches: Touches, seed: int) -> Found | None:
         train, choice = (np.flatnonzero(of_part & (purpose == use)) for use in (0, CHOICE))
         chain, group = _chain_of_part(search, touches, train, choice, parts[0])
         if chain is not None and chain.judgement.accepted:
-            return _finished(search, touches, chain, purpose == VERDICT, seed)
+            return _finished(search, touches, chain, purpose, seed)
         # One limb has one chain, which has been looked for; and what one chain does not explain
         # of two limbs are outliers.
         several = chain is None or (
@@ -207,13 +214,40 @@ def _find(search: Search, touches: Touches, seed: int) -> Found | None:
     body = None
     if several:
         body = grow.grown(
-            search, touches.scene({}), tested, touches.moving, hands=chain is not None
+            search, touches.scene({}), purpose > 0, touches.moving, hands=chain is not None
         )
     if body is not None:
-        found = _finished_tree(search, touches, body, tested, seed)
+        found = _finished_tree(search, touches, body, purpose, seed)
         if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
             return found
-    return None if chain is None else _finished(search, touches, chain, purpose == VERDICT, seed)
+    return None if chain is None else _finished(search, touches, chain, purpose, seed)
+
+
+def _find_by_sensation(
+    search: Search, touches: Touches, sensation: csr_array, seed: int
+) -> Found | None:
+    """The body of one part by one toucher, from few touches."""
+    chain = few.found_by_sensation(
+        search, touches.q, csr_array(sensation)[touches.rows], touches.moving,
+        open_below=_OPEN, slides_below=_SLIDES, slide_cost=_SLIDE_COST,
+    )  # fmt: skip
+    if chain is None:
+        return None
+    part = int(touches.part[touches.target[0]])
+    tree = Tree.chain(chain.order, part, 1)
+    whole = touches.scene(tree.ways([(part, 0)]))
+    solution = carried_over(whole, started(whole, chain.twists, chain.point[None]))
+    # Kernels of few touches lie where the sensations of these say.
+    number = np.bincount(touches.target, minlength=len(touches.part))[:, None]
+    sums = [np.bincount(touches.target, place, len(number)) for place in chain.place.T]
+    with np.errstate(invalid="ignore"):
+        place = np.stack(sums, axis=1) / number
+    return Found(
+        tree=tree, scene=whole, rows=touches.rows, solution=replace(solution, place=place),
+        center=touches.center, scale=touches.scale, kind=chain.kind,
+        order_group=order_groups(chain.order, chain.swaps, len(touches.center)),
+        judgements={part: chain.judgement}, seed=seed, spread=chain.spread,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -326,7 +360,7 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
 
     def sample(some: Scene, toucher: np.ndarray) -> Sample:
         rows = some.rows(part)
-        there = all_places(some, solution.twists, solution.points)[touchers][:, rows]
+        there = solution_places(some, solution)[touchers][:, rows]
         return Sample(
             q=some.q[np.ix_(rows, joints)], target=some.target[rows],
             places=there.swapaxes(0, 1), toucher=toucher,
@@ -334,28 +368,36 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
 
     share = solution.share[np.ix_(scene.rows(part), touchers)]
     who = np.where(share.sum(axis=1) >= 0.5, share.argmax(axis=1), -1)
+    parameters = 6 * len(joints) + 3 * len(touchers)
+    if solution.sizes is not None:
+        parameters += solution.sizes.shape.shape[1] * int(solution.sizes.sized[touchers].sum())
     return judged(
         sample(scene, who), sample(tests, np.full(len(tests.rows(part)), -1)),
-        parameters=6 * len(joints) + 3 * len(touchers), number=len(scene.part),
+        parameters=parameters, number=len(scene.part),
     )  # fmt: skip
 
 
 def _finished(
-    search: Search, touches: Touches, chain: _Chain, tested: np.ndarray, seed: int
+    search: Search, touches: Touches, chain: _Chain, purpose: np.ndarray, seed: int
 ) -> Found:
     """Kinds of joints, which of them may change places, and who made each touch of all."""
     solution, kind, fixed = _kinds(search, touches, chain.scene, chain.solution, chain.fixed)
     number = len(touches.center)
     tree = Tree.chain(chain.order, chain.part, len(solution.points))
     whole = touches.scene(chain.scene.ways)
-    test = whole.some(np.flatnonzero(tested))
+    choice, test = (whole.some(np.flatnonzero(purpose == use)) for use in (CHOICE, VERDICT))
+    if not chain.fixed.any():
+        # A surface would bulge out of the plane of a flat chain.
+        solution = with_sizes(
+            chain.scene, choice, solution, search.random, fixed=fixed, tick=search.tick
+        )
     verdict = judge_part(chain.scene, test, solution, chain.part)
     groups = order_groups(chain.order, chain.swaps, number)
-    final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    final = carried_over(whole, solution)
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups, judgements={chain.part: verdict},
-        seed=seed, fixed=fixed,
+        seed=seed, spread=covariance(whole, final, fixed=fixed),
     )  # fmt: skip
 
 
@@ -398,7 +440,7 @@ def _kinds(
 
 
 def _finished_tree(
-    search: Search, touches: Touches, body: Body, tested: np.ndarray, seed: int
+    search: Search, touches: Touches, body: Body, purpose: np.ndarray, seed: int
 ) -> Found:
     """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch."""
     counts = np.bincount(touches.part[touches.target], minlength=len(touches.part))
@@ -407,18 +449,24 @@ def _finished_tree(
     twists = body.twists.copy()
     twists[body.links.backwards(root)] *= -1
     whole = touches.scene(tree.ways(list(body.pairs)))
-    train = search.random.permutation(np.flatnonzero(~tested))[:_REFINED]
-    scene, tests = whole.some(np.sort(train)), whole.some(np.flatnonzero(tested))
+    train = search.random.permutation(np.flatnonzero(purpose == 0))[:_REFINED]
+    scene = whole.some(np.sort(train))
+    choice, tests = (whole.some(np.flatnonzero(purpose == use)) for use in (CHOICE, VERDICT))
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
+    solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
+    if solution.sizes is None:
+        # Nothing of a tree of points was chosen by held-out touches: all of them judge it.
+        tests = whole.some(np.flatnonzero(purpose > 0))
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
-    final = expected(whole, started(whole, solution.twists, solution.points), rounds=2)
+    final = carried_over(whole, solution)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups,
-        judgements=verdicts, seed=seed, fixed=fixed,
+        judgements=verdicts, seed=seed,
+        spread=covariance(whole, final, fixed=fixed),
     )  # fmt: skip
 
 

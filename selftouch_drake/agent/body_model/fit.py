@@ -61,6 +61,33 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Smooth:
+    """Touches whose places are a smooth function of their sensations: for few touches.
+
+    Attributes:
+        rows: `(N,)` indices of touches.
+        precision: `(N, N)` of their places, with the mean taken out.
+    """
+
+    rows: np.ndarray
+    precision: np.ndarray
+
+    def draw(self, q: np.ndarray, how: "Descent") -> Draws:
+        """All of them at each step."""
+        number = len(self.rows)
+        rows = np.zeros((how.steps, 1, -(-number // TILE) * TILE), dtype=np.int32)
+        rows[:, 0, :number] = self.rows
+        return Draws(
+            q,
+            rows,
+            np.array([number]),
+            np.int64(1),
+            np.ones(1),
+            np.ascontiguousarray(self.precision),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Bodies:
     """Hypotheses: B bodies, G groups, U touchers, J joints.
 
@@ -178,12 +205,12 @@ def draw(
         flat = chosen.reshape(how.steps, -1)
         rows[:, index, : flat.shape[1]] = flat
     weights = np.ones(len(groups)) if weight is None else np.array(weight, dtype=float)
-    return Draws(q, rows, number, np.int64(how.members), weights)
+    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros((0, 0)))
 
 
 def descended(
     q: np.ndarray,
-    groups: Sequence[Group],
+    groups: Sequence[Group] | Sequence[Smooth],
     bodies: Bodies,
     how: Descent,
     seed: int,
@@ -196,7 +223,7 @@ def descended(
 
     Args:
         q: `(J, R)` float32 standardised readings.
-        groups: G groups of touches.
+        groups: G groups of touches, or a single one of few touches.
         bodies: where to start; left as they are.
         how: steps and sizes.
         seed: of the draws.
@@ -204,7 +231,10 @@ def descended(
         weight: `(G,)` of each group; 1 by default.
         each: maps blocks of bodies; the result does not depend on it.
     """
-    draws = draw(q, groups, how, np.random.default_rng(seed), weight)
+    if isinstance(groups[0], Smooth):
+        draws = groups[0].draw(q, how)
+    else:
+        draws = draw(q, groups, how, np.random.default_rng(seed), weight)
     toucher = np.zeros(len(groups), dtype=np.int64) if touchers is None else np.array(touchers)
 
     def block(start: int) -> Bodies:

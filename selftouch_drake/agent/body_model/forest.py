@@ -28,6 +28,9 @@ _FEWEST = 0.03
 _EARNED = 0.03
 # Joints that a hypothesis may have too many or too few, compared with a chain found alone.
 _APART = 2
+# Neighbours that nearly commute may change places where a part hangs between them: the bracket of
+# their twists, relative to their sizes. Whether they do is left to the touches.
+_COMMUTE = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,6 +172,45 @@ def dense_rows(
     return np.sort(np.concatenate(picked)) if picked else rows[:0]
 
 
+def swapped(body: Body) -> list[tuple[int, Body]]:
+    """Bodies in which two neighbours that nearly commute change places, with the link between.
+
+    Nothing that the body carries yet tells their order, as with two shoulders on one axis: a part
+    that hangs between them will.
+    """
+    links, found = body.links, []
+    carrying = {*links.part.values(), *links.toucher.values()}
+    for link in range(links.number):
+        around = [joint for joint, ends in links.ends.items() if link in ends]
+        if link in carrying or len(around) != 2:
+            continue
+        one, other = around
+        if not _nearly_commute(body.twists, list(links.ends), one, other):
+            continue
+        ends = dict(links.ends)
+        (a, b), (c, d) = ends[one], ends[other]
+        # Along the way through the link: each joint is passed as it was before.
+        before, after = (a if b == link else b), (d if c == link else c)
+        ends[other] = (before, link) if c == link else (link, before)
+        ends[one] = (link, after) if b == link else (after, link)
+        found.append((link, replace(body, links=replace(links, ends=ends))))
+    return found
+
+
+def _nearly_commute(twists: np.ndarray, joints: list[int], one: int, other: int) -> bool:
+    """Whether two joints' order makes little difference, measured in the size of the body."""
+    turning = [j for j in joints if np.linalg.norm(twists[j, :3]) > 1e-6]
+    w, v = twists[turning, :3], twists[turning, 3:]
+    feet = np.cross(w, v) / (w**2).sum(axis=1, keepdims=True)
+    motion = np.eye(4)
+    motion[:3, 3] = -feet.mean(axis=0)
+    size = max(np.sqrt(((feet - feet.mean(axis=0)) ** 2).sum(axis=1).mean()), 1e-9)
+    (w, v), (x, y) = (np.split(adjoint(motion, twists[j]), 2) for j in (one, other))
+    bracket = np.r_[np.cross(w, x), (np.cross(w, y) - np.cross(x, v)) / size]
+    amount = [np.linalg.norm(np.r_[t[0], t[1] / size]) for t in ((w, v), (x, y))]
+    return bool(np.linalg.norm(bracket) < _COMMUTE * amount[0] * amount[1])
+
+
 def hung(
     scene: Scene, body: Body, part: int, random: np.random.Generator
 ) -> tuple[float, Body] | None:
@@ -186,24 +228,30 @@ def hung(
     some = scene.some(dense_rows(scene.target, scene.rows(part), random))
     if len(some.q) == 0:
         return None
+    places = [(link, body) for link in range(body.links.number)] + swapped(body)
+    found = (_hung_there(some, one, part, link) for link, one in places)
+    return max((one for one in found if one), key=lambda one: one[0], default=None)
+
+
+def _hung_there(some: Scene, body: Body, part: int, link: int) -> tuple[float, Body] | None:
+    """The same on one link."""
     best: tuple[float, Body] | None = None
     links = body.links
-    for link in range(links.number):
-        touchers = [u for u in sorted(links.toucher) if len(links.way(link, links.toucher[u])) >= 3]
-        while touchers:
-            there = replace(links, part={**links.part, part: link})
-            ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
-            tried = replace(some, ways=ways)
-            solution = started(tried, body.twists, body.points)
-            value = explained(tried, solution, part) - _EARNED * (len(touchers) - 1)
-            if best is None or value > best[0]:
-                pairs = (*body.pairs, *((part, u) for u in touchers))
-                best = value, replace(body, links=there, pairs=pairs)
-            share = solution.frequency[part][touchers]
-            if len(touchers) == 1:
-                break
-            # Without the one that touches least; and each alone, if there are two.
-            touchers = [u for u in touchers if u != touchers[int(share.argmin())]]
+    touchers = [u for u in sorted(links.toucher) if len(links.way(link, links.toucher[u])) >= 3]
+    while touchers:
+        there = replace(links, part={**links.part, part: link})
+        ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
+        tried = replace(some, ways=ways)
+        solution = started(tried, body.twists, body.points)
+        value = explained(tried, solution, part) - _EARNED * (len(touchers) - 1)
+        if best is None or value > best[0]:
+            pairs = (*body.pairs, *((part, u) for u in touchers))
+            best = value, replace(body, links=there, pairs=pairs)
+        share = solution.frequency[part][touchers]
+        if len(touchers) == 1:
+            break
+        # Without the one that touches least; and each alone, if there are two.
+        touchers = [u for u in touchers if u != touchers[int(share.argmin())]]
     return best
 
 

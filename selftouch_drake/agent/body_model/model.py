@@ -12,6 +12,12 @@ from typing import Self
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.support import (
+    beside,
+    blended_normals,
+    bulge,
+    nearest_toucher,
+)
 from selftouch_drake.agent.body_model.twists import chained, exponential, transformed, transposed
 from selftouch_drake.agent.records import Record
 
@@ -20,18 +26,6 @@ VERSION = 1
 
 #: Values of `joint_parent`: the joint stands on the base, or does not matter anywhere.
 BASE, UNUSED = -1, -2
-
-#: The five traceless symmetric matrices B of a toucher's shape: its support function is the sum of
-#: `c * u' B u` over the coefficients c.
-SHAPE_BASIS = np.array(
-    [
-        np.diag([1.0, -1.0, 0.0]),
-        np.diag([1.0, 1.0, -2.0]) / np.sqrt(3.0),
-        [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
-        [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]],
-        [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]],
-    ]
-)
 
 
 class JointKind(IntEnum):
@@ -263,7 +257,8 @@ class BodyModel(Record):
     def place(self, q: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Where the toucher's centre is, as seen from a part of the skin.
 
-        Of several touchers it is the one nearest to the place of the target's kernel. The shape of
+        Of several touchers it is the one nearest to the place of the target's kernel, measured by
+        how far that kernel reaches along the skin and across it. The shape of
         the toucher is accounted for where the skin's normal is known: then it is the centre of a
         ball that touches the skin at the same point.
 
@@ -309,15 +304,38 @@ class BodyModel(Record):
         found = np.full((len(self.toucher_link), len(q), 3), np.nan)
         if wearer == UNUSED:
             return found
-        normal = self.kernel_normal[target]
         for toucher, link in enumerate(self.toucher_link.tolist()):
             there, back = self._between(wearer, link)
             X = chained(self.twists, q, there, back)
-            to_hand = transposed(X)[:, :3, :3]
-            away = -np.einsum("nij,nj->ni", to_hand, normal)
-            centre = self.toucher_place[toucher] + bulge(self.toucher_shape[toucher], away)
+            centre = np.broadcast_to(self.toucher_place[toucher], (len(q), 3))
             found[toucher] = transformed(X, centre)
+            if self.toucher_shape[toucher].any():
+                found[toucher] = self._of_ball(toucher, X, found[toucher], target)
         return found
+
+    def _of_ball(
+        self, toucher: int, X: np.ndarray, centre: np.ndarray, target: np.ndarray
+    ) -> np.ndarray:
+        """`(n, 3)` centres of balls that touch the skin where a toucher with a shape does.
+
+        Args:
+            toucher: which.
+            X: `(n, 4, 4)` poses of its link in the frame of the skin's link.
+            centre: `(n, 3)` places of its centre.
+            target: `(n,)` target sensations of one part.
+        """
+        part = self.kernel_part == self.kernel_part[target[0]]
+        place = np.where(part[:, None], self.kernel_place, np.nan)
+        near, at = beside(place, self.kernel_part), centre
+        # Where it touches depends on its shape, and the other way round.
+        for _ in range(2):
+            normal = blended_normals(place, self.kernel_normal, near, at)
+            # A normal is known where no place is, if a model was made by hand.
+            normal = np.where(np.isnan(normal), self.kernel_normal[target], normal)
+            away = -np.einsum("nij,nj->ni", transposed(X)[:, :3, :3], normal)
+            in_hand = bulge(self.toucher_shape[toucher], away)
+            at = centre + np.einsum("nij,nj->ni", X[:, :3, :3], in_hand)
+        return at
 
     def _between(self, start: int, end: int) -> tuple[list[int], list[int]]:
         """The joints from one link up, the last one first, and down to another.
@@ -335,10 +353,9 @@ class BodyModel(Record):
             return np.full((len(target), 3), np.nan)
         if len(places) == 1:
             return places[0]
-        apart = np.linalg.norm(places - self.kernel_place[target], axis=2)
-        nearest = np.where(np.isnan(apart), np.inf, apart).argmin(axis=0)
+        nearest = nearest_toucher(places, self.kernel_place, self.kernel_part, target)
         found = places[nearest, np.arange(len(target))]
-        found[np.isnan(apart).all(axis=0)] = np.nan
+        found[np.isnan(self.kernel_place[target]).any(axis=1)] = np.nan
         return found
 
     def _parents_first(self) -> list[int]:
@@ -350,23 +367,6 @@ class BodyModel(Record):
         if q.ndim != 2 or q.shape[1] != num_joints:
             raise ValueError(f"q has shape {q.shape}, expected (any, {num_joints})")
         return q
-
-
-def bulge(shape: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """How far a toucher's surface differs from that of a ball, where it touches.
-
-    Args:
-        shape: `(5,)` coefficients over `SHAPE_BASIS`.
-        direction: `(n, 3)` unit vectors in the frame of the toucher's link, from it into the skin:
-            the skin's outward normal reversed. NaN where unknown.
-
-    Returns:
-        `(n, 3)` gradient of the support function there; 0 where the direction is unknown.
-    """
-    B = np.tensordot(shape, SHAPE_BASIS, axes=1)
-    along = direction @ B
-    found = 2.0 * along - np.sum(along * direction, axis=1, keepdims=True) * direction
-    return np.where(np.isnan(direction), 0.0, found)
 
 
 def rejected(

@@ -73,6 +73,8 @@ class Draws(NamedTuple):
         num_kernels: `(G,)` kernels drawn from each group.
         members: `()` drawn from each kernel.
         weight: `(G,)` of each group in the sum of criteria.
+        precision: `(N, N)` of places that are a smooth function of sensations, with the mean taken
+            out: it takes the place of kernels, for a single group; `(0, 0)` for kernels.
     """
 
     q: np.ndarray
@@ -80,6 +82,7 @@ class Draws(NamedTuple):
     num_kernels: np.ndarray
     members: np.integer
     weight: np.ndarray
+    precision: np.ndarray
 
 
 @inner_in_any_order
@@ -351,6 +354,62 @@ def _criterion(x, slopes, weights, means, within, num_kernels, members, tail, fa
 
 
 @inner
+def _applied(precision, x, out):
+    """The symmetric precision times the places, `(3, N)` both."""
+    number = len(precision)
+    out[:, :number] = 0.0
+    for i in range(number):
+        row = precision[i]
+        x0, x1, x2 = x[0, i], x[1, i], x[2, i]
+        # Each sum keeps its order, and the loop still becomes vectors.
+        for j in range(number):
+            out[0, j] += row[j] * x0
+            out[1, j] += row[j] * x1
+            out[2, j] += row[j] * x2
+
+
+@inner
+def _smooth_criterion(x, slopes, weights, precision, factor, work):
+    """The criterion of places that should be smooth in the sensations, and its gradient.
+
+    Args:
+        x: `(3, N)` places.
+        slopes: `(3, N)` is filled.
+        weights: `(N,)` is filled with ones.
+        precision: `(N, N)`.
+        factor: weight of the group.
+        work: `(4, 3, 3)` scratch.
+    """
+    count = len(precision)
+    within, inverse, total, total_inverse = work[0], work[1], work[2], work[3]
+    center = np.zeros(3)
+    weights[:count] = 1.0
+    _spread(x, weights, count, center, total)
+    _applied(precision, x, slopes)
+    for a in range(3):
+        for b in range(3):
+            product = 0.0
+            for i in range(count):
+                product += x[a, i] * slopes[b, i]
+            within[a, b] = product / count
+    floor = _FLOOR * (total[0, 0] + total[1, 1] + total[2, 2])
+    for a in range(3):
+        within[a, a] += floor
+        total[a, a] += floor
+    value = invert(within, inverse) - invert(total, total_inverse)
+    step = 2 * factor / count
+    for i in range(count):
+        s0, s1, s2 = slopes[0, i], slopes[1, i], slopes[2, i]
+        t0, t1, t2 = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2]
+        for a in range(3):
+            slopes[a, i] = step * (
+                (inverse[a, 0] * s0 + inverse[a, 1] * s1 + inverse[a, 2] * s2)
+                - (total_inverse[a, 0] * t0 + total_inverse[a, 1] * t1 + total_inverse[a, 2] * t2)
+            )
+    return value
+
+
+@inner
 def _descend(value, slope, mean, square, rate, step):
     """One step of Adam on flat arrays."""
     c1, c2 = 1 - _BETA1 ** (step + 1), 1 - _BETA2 ** (step + 1)
@@ -422,10 +481,15 @@ def descend(draws, ways, twists, points, rate, tail):
                     for axis in range(3):
                         for i in range(_T):
                             x[axis, tile * TILE + i] = room[at + U(axis * TILE) + i]
-                value = _criterion(
-                    x, slopes, weights, means, within[b, group],
-                    draws.num_kernels[group], members, tail, draws.weight[group], work,
-                )  # fmt: skip
+                if len(draws.precision) > 0:
+                    value = _smooth_criterion(
+                        x, slopes, weights, draws.precision, draws.weight[group], work
+                    )
+                else:
+                    value = _criterion(
+                        x, slopes, weights, means, within[b, group],
+                        draws.num_kernels[group], members, tail, draws.weight[group], work,
+                    )  # fmt: skip
                 share = max(0.05, 1.0 / (step + 1))
                 history[b, group] += share * (value - history[b, group])
                 if rate == 0:

@@ -14,8 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.body_model.chain import adjoint, derivatives, places
+from selftouch_drake.agent.body_model.chain import adjoint, derivatives, places, turns
 from selftouch_drake.agent.body_model.fit import Way
+from selftouch_drake.agent.body_model.support import (
+    beside,
+    blended_normals,
+    bulge_slopes,
+    shape_moved,
+    smoothed,
+)
 
 # Neighbouring kernels that give a kernel's normal.
 _NEIGHBOURS = 8
@@ -68,6 +75,32 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """Surfaces of touchers, and the skin that they meet, which tells where on them they touch.
+
+    Attributes:
+        shape: `(U, 5)` support functions over `SHAPE_BASIS`, in the frame of all at standardised
+            readings of 0; zeros for a point.
+        sized: `(U,)` bool, touchers that are no points: the others keep zeros.
+        place: `(K, 3)` places of kernels.
+        normal: `(K, 3)` outward normals of the skin; NaN where unknown.
+        near: `(K, N)` as of `beside`.
+    """
+
+    shape: np.ndarray
+    sized: np.ndarray
+    place: np.ndarray
+    normal: np.ndarray
+    near: np.ndarray
+
+    @staticmethod
+    def of(shape, sized, place, normal, part) -> "Sizes":
+        """With the neighbours of kernels, among which normals are smoothed."""
+        near = beside(place, part)
+        return Sizes(shape, sized, place, smoothed(normal, near), near)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """Joints, points and places, and who touched.
 
@@ -81,6 +114,7 @@ class Solution:
         sigma: `(P, 2)` noise of each part across and along the normal; NaN where nothing was met.
         frequency: `(P, U)` share of the part's touches that each toucher made.
         criterion: `(P,)` logarithm of the noise's volume less that of the total scatter.
+        sizes: surfaces of the touchers; None: all are points.
     """
 
     twists: np.ndarray
@@ -91,6 +125,7 @@ class Solution:
     sigma: np.ndarray
     frequency: np.ndarray
     criterion: np.ndarray
+    sizes: Sizes | None = None
 
     def inliers(self, scene: Scene, part: int) -> float:
         """Share of a part's touches that are no outliers."""
@@ -98,22 +133,65 @@ class Solution:
         return float(self.share[rows].sum(axis=1).mean()) if len(rows) else np.nan
 
 
+def _way_arrays(scene: Scene, twists: np.ndarray, rows: np.ndarray, way: Way):
+    """Readings, twists and signs of the joints of a way."""
+    joints = np.array([joint for joint, _ in way], dtype=int)
+    signs = np.array([sign for _, sign in way], dtype=float)
+    return scene.q[np.ix_(rows, joints)], twists[joints], signs
+
+
 def way_places(
     scene: Scene, twists: np.ndarray, point: np.ndarray, rows: np.ndarray, way: Way
 ) -> np.ndarray:
-    """`(n, 3)` places of a point at some touches, along a way."""
-    joints = np.array([joint for joint, _ in way], dtype=int)
-    signs = np.array([sign for _, sign in way], dtype=float)
-    return places(scene.q[np.ix_(rows, joints)], twists[joints], point, signs)
+    """`(n, 3)` places of a point, or of a point for each, at some touches, along a way."""
+    q, twists, signs = _way_arrays(scene, twists, rows, way)
+    return places(q, twists, point, signs)
 
 
-def all_places(scene: Scene, twists: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """`(U, R, 3)` places of all touchers; NaN where a toucher does not reach a part."""
+def all_places(
+    scene: Scene, twists: np.ndarray, points: np.ndarray, sizes: Sizes | None = None
+) -> np.ndarray:
+    """`(U, R, 3)` places of all touchers; NaN where a toucher does not reach a part.
+
+    The place of a toucher with a size is the centre of a ball that touches the skin where it does.
+    """
     found = np.full((len(points), len(scene.q), 3), np.nan)
     for (part, toucher), way in scene.ways.items():
         rows = scene.rows(part)
         found[toucher, rows] = way_places(scene, twists, points[toucher], rows, way)
+        if sizes is not None and sizes.sized[toucher]:
+            turn = turns(*_way_arrays(scene, twists, rows, way))
+            slopes = _bulges(scene, sizes, (part, toucher), found[toucher, rows], turn)
+            found[toucher, rows] += slopes @ sizes.shape[toucher]
     return found
+
+
+def solution_places(scene: Scene, solution: Solution) -> np.ndarray:
+    """`(U, R, 3)` as of `all_places`, at a solution of this scene or of other touches."""
+    return all_places(scene, solution.twists, solution.points, solution.sizes)
+
+
+def _bulges(
+    scene: Scene, sizes: Sizes, pair: tuple[int, int], center: np.ndarray, turn: np.ndarray
+) -> np.ndarray:
+    """`(n, 3, 5)` derivatives of places by a toucher's shape, where it meets the skin.
+
+    Args:
+        scene: whose kernels these are.
+        sizes: of the touchers.
+        pair: part and toucher.
+        center: `(n, 3)` places of the toucher's centre.
+        turn: `(n, 3, 3)` rotation of its link.
+    """
+    part, toucher = pair
+    place = np.where((scene.part == part)[:, None], sizes.place, np.nan)
+    at, slopes = center, np.zeros((len(center), 3, 5))
+    # Where it touches depends on its shape, and the other way round.
+    for _ in range(2):
+        normal = blended_normals(place, sizes.normal, sizes.near, at)
+        slopes = turn @ bulge_slopes(-np.einsum("nba,nb->na", turn, normal))
+        at = center + slopes @ sizes.shape[toucher]
+    return slopes
 
 
 def _kernel_sums(values: np.ndarray, target: np.ndarray, number: int) -> np.ndarray:
@@ -233,7 +311,7 @@ def expected(
     scene: Scene, solution: Solution, rounds: int = 2, Y: np.ndarray | None = None
 ) -> Solution:
     """Who touched, and from that places and noise, so many times over, at given joints."""
-    Y = all_places(scene, solution.twists, solution.points) if Y is None else Y
+    Y = solution_places(scene, solution) if Y is None else Y
     for turn in range(rounds):
         solution = settled(scene, _shared(scene, solution, Y), Y, fresh_normals=turn == 0)
     return solution
@@ -346,7 +424,9 @@ def _total(cloud: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Equations:
-    """Normal equations of a solution: n parameters, which are the twists and then the points.
+    """Normal equations of a solution: n parameters.
+
+    These are the twists, then the points, and then the shapes, where touchers have sizes.
 
     Attributes:
         gradient: `(n,)` of the criterion.
@@ -363,6 +443,7 @@ def equations(scene: Scene, solution: Solution) -> Equations:
     """Normal equations at a solution, with places eliminated."""
     num_joints, num_touchers = len(solution.twists), len(solution.points)
     size, number = 6 * num_joints + 3 * num_touchers, len(scene.part)
+    size += 0 if solution.sizes is None else 5 * num_touchers
     gradient, hessian = np.zeros(size), np.zeros((size, size))
     scores = np.zeros((number, size))
     mean_slope, mass = np.zeros((number, 3, size)), np.zeros(number)
@@ -422,25 +503,59 @@ def equations(scene: Scene, solution: Solution) -> Equations:
 def _slopes(scene, solution, rows, part, toucher):
     """Places, `(n, 3, m)` derivatives by m parameters, and the `(m,)` columns of these."""
     way = scene.ways[part, toucher]
-    joints = np.array([joint for joint, _ in way], dtype=int)
-    signs = np.array([sign for _, sign in way], dtype=float)
-    y, by_twist, by_point, _ = derivatives(
-        scene.q[np.ix_(rows, joints)], solution.twists[joints], solution.points[toucher], signs
-    )
-    slope = np.concatenate([by_twist.reshape(len(rows), 3, 6 * len(way)), by_point], axis=2)
-    of_twists = [6 * joint + entry for joint in joints.tolist() for entry in range(6)]
+    arrays = _way_arrays(scene, solution.twists, rows, way)
+    q, twists, signs = arrays
     first = 6 * len(solution.twists) + 3 * toucher
-    return y, slope, np.array([*of_twists, first, first + 1, first + 2])
+    columns = [6 * joint + entry for joint, _ in way for entry in range(6)]
+    columns += [first, first + 1, first + 2]
+    sizes, point = solution.sizes, solution.points[toucher]
+    if sizes is None or not sizes.sized[toucher]:
+        y, by_twist, by_point, _ = derivatives(q, twists, point, signs)
+        slope = np.concatenate([by_twist.reshape(len(rows), 3, 6 * len(way)), by_point], axis=2)
+        return y, slope, np.array(columns)
+    # The normal that tells where the toucher touches is held still.
+    turn = turns(*arrays)
+    by_shape = _bulges(scene, sizes, (part, toucher), places(q, twists, point, signs), turn)
+    in_hand = np.einsum("nba,nb->na", turn, by_shape @ sizes.shape[toucher])
+    y, by_twist, by_point, _ = derivatives(q, twists, point + in_hand, signs)
+    slope = np.concatenate(
+        [by_twist.reshape(len(rows), 3, 6 * len(way)), by_point, by_shape], axis=2
+    )
+    first = 6 * len(solution.twists) + 3 * len(solution.points) + 5 * toucher
+    return y, slope, np.array([*columns, *range(first, first + 5)])
 
 
 def moved_by(solution: Solution, step: np.ndarray) -> Solution:
-    """The solution with its twists and points moved."""
+    """The solution with its twists, points and shapes moved."""
     size = solution.twists.size
+    end = size + solution.points.size
+    sizes = solution.sizes
+    if sizes is not None:
+        sizes = replace(sizes, shape=sizes.shape + step[end:].reshape(-1, 5))
     return replace(
         solution,
         twists=solution.twists + step[:size].reshape(-1, 6),
-        points=solution.points + step[size:].reshape(-1, 3),
+        points=solution.points + step[size:end].reshape(-1, 3),
+        sizes=sizes,
     )
+
+
+def with_skin_of_now(scene: Scene, solution: Solution) -> Solution:
+    """The solution whose touchers meet the skin where its kernels lie by now."""
+    sizes = solution.sizes
+    if sizes is None:
+        return solution
+    turned = np.einsum("ka,ka->k", solution.normal, sizes.normal) < 0
+    normal = np.where(turned[:, None], -solution.normal, solution.normal)
+    # Kernels that had no side yet stay without one.
+    normal[np.isnan(sizes.normal).any(axis=1)] = np.nan
+    sizes = Sizes.of(sizes.shape, sizes.sized, solution.place, normal, scene.part)
+    return expected(scene, replace(solution, sizes=sizes), rounds=1)
+
+
+def held(fixed: np.ndarray, number: int) -> np.ndarray:
+    """`(number,)` bool, parameters that stay: `fixed` tells the first, the others are free."""
+    return np.concatenate([fixed, np.zeros(number - len(fixed), dtype=bool)])
 
 
 def refined(
@@ -457,7 +572,8 @@ def refined(
         scene: touches.
         solution: where to start.
         steps: at most.
-        fixed: `(n,)` bool, parameters that stay, for instance the turning of a slide.
+        fixed: `(m,)` bool, of the first m parameters those that stay, for instance the turning of
+            a slide.
         tick: called before each step.
     """
     damping = _DAMPING
@@ -467,7 +583,7 @@ def refined(
         before = _mean_criterion(scene, solution)
         free = np.flatnonzero(np.abs(np.diag(found.hessian)) > 0)
         if fixed is not None:
-            free = free[~fixed[free]]
+            free = free[~held(fixed, len(found.gradient))[free]]
         if len(free) == 0:
             break  # All touches are outliers.
         values, vectors = np.linalg.eigh(found.hessian[np.ix_(free, free)])
@@ -476,7 +592,7 @@ def refined(
             step = np.zeros(len(found.gradient))
             step[free] = -vectors @ (along / (np.maximum(values, 0) + damping * values[-1]))
             trial = moved_by(solution, step)
-            Y = all_places(scene, trial.twists, trial.points)
+            Y = solution_places(scene, trial)
             trial = settled(scene, trial, Y)
             gain = before - _mean_criterion(scene, trial)
             if gain > 0:
@@ -485,7 +601,7 @@ def refined(
         else:
             break
         damping = max(damping / 10, _DAMPING)
-        solution = expected(scene, trial, rounds=1, Y=Y)
+        solution = with_skin_of_now(scene, expected(scene, trial, rounds=1, Y=Y))
         if gain < 2e-4:
             break
     return solution
@@ -496,7 +612,7 @@ def _mean_criterion(scene: Scene, solution: Solution) -> float:
     return value if np.isfinite(value) else np.inf
 
 
-def gauge(solution: Solution) -> np.ndarray:
+def gauge(twists: np.ndarray, points: np.ndarray, shapes: np.ndarray | None = None) -> np.ndarray:
     """`(n, 7)` orthonormal directions that change nothing that touch can tell: a similarity."""
     columns = []
     for axis in range(7):
@@ -509,10 +625,12 @@ def gauge(solution: Solution) -> np.ndarray:
             motion[a, b], motion[b, a] = -step, step
         else:
             motion[:3, :3] *= 1 + step
-        twists = adjoint(motion, solution.twists)
-        points = solution.points @ motion[:3, :3].T + motion[:3, 3]
-        change = np.r_[(twists - solution.twists).ravel(), (points - solution.points).ravel()]
-        columns.append(change / step)
+        moved = adjoint(motion, twists)
+        carried = points @ motion[:3, :3].T + motion[:3, 3]
+        change = [(moved - twists).ravel(), (carried - points).ravel()]
+        if shapes is not None:
+            change.append(np.ravel([shape_moved(motion, one) - one for one in shapes]))
+        columns.append(np.concatenate(change) / step)
     return np.linalg.qr(np.stack(columns, axis=1))[0]
 
 
@@ -529,18 +647,20 @@ def covariance(scene: Scene, solution: Solution, *, fixed: np.ndarray | None = N
     Args:
         scene: touches.
         solution: of them.
-        fixed: `(n,)` bool, parameters that the fit held: the turning of a slide. They have NaN.
+        fixed: `(m,)` bool, of the first m parameters those that the fit held: the turning of a
+            slide. They have NaN.
     """
     found = equations(scene, solution)
     size = len(found.gradient)
     known = np.diag(found.hessian) > 0
-    free = np.flatnonzero(known if fixed is None else known & ~fixed)
-    basis = gauge(solution)[free]
+    free = np.flatnonzero(known if fixed is None else known & ~held(fixed, size))
+    shapes = None if solution.sizes is None else solution.sizes.shape
+    basis = gauge(solution.twists, solution.points, shapes)[free]
     values, vectors = np.linalg.eigh(np.eye(len(free)) - basis @ np.linalg.pinv(basis))
     rest = vectors[:, values > 0.5]
     inverse = np.linalg.pinv(rest.T @ found.hessian[np.ix_(free, free)] @ rest, rcond=1e-12)
     scores = (found.scores[:, free] - found.gradient[free] / len(found.scores)) @ rest
-    Y = all_places(scene, solution.twists, solution.points)
+    Y = solution_places(scene, solution)
     again = as_if_true(scene, solution, Y)
     slope = equations(again, settled(again, solution, Y)).gradient[free] @ rest
     inner = rest @ (inverse @ (scores.T @ scores + np.outer(slope, slope)) @ inverse) @ rest.T

@@ -17,6 +17,7 @@ from selftouch_drake.agent.body_model.fit import (
     Descent,
     Each,
     Group,
+    Smooth,
     Way,
     chain_way,
     descended,
@@ -39,6 +40,9 @@ _GAIN, _EARNED = 0.05, 0.1
 FEWEST = 60
 #: A joint matters if leaving it out costs more.
 MATTERS = 0.02
+# What a joint that does not matter gains of a smooth body by chance, times the number of touches:
+# one for each of its parameters, twice.
+_LUCK = 10.0
 # A pair of joints depends on each other within kernels if its statistic exceeds so many standard
 # deviations of chance.
 _PAIR_SIGMA = 6.0
@@ -65,7 +69,9 @@ class Search:
         """Of all joints."""
         return len(self.q)
 
-    def descended(self, groups: Sequence[Group], bodies: Bodies, how: Descent, **more) -> Bodies:
+    def descended(
+        self, groups: Sequence[Group] | Sequence[Smooth], bodies: Bodies, how: Descent, **more
+    ) -> Bodies:
         """`fit.descended` with draws of its own."""
         self.tick()
         seed = int(self.random.integers(2**31))
@@ -124,7 +130,7 @@ def joints_that_hold(statistic: np.ndarray, noise: float) -> list[int]:
 
 
 def population(
-    search: Search, group: Group, joints: Sequence[int], *, rounds: int = _ROUNDS
+    search: Search, group: Group | Smooth, joints: Sequence[int], *, rounds: int = _ROUNDS
 ) -> Bodies:
     """Bodies of the best few orders that a population finds, best first.
 
@@ -235,7 +241,12 @@ def neighbours(order: list[int], candidates: Iterable[int]) -> list[tuple[list[i
 
 
 def improved(
-    search: Search, group: Group, body: Bodies, candidates: Sequence[int], *, passes: int = 0
+    search: Search,
+    group: Group | Smooth,
+    body: Bodies,
+    candidates: Sequence[int],
+    *,
+    passes: int = 0,
 ) -> Bodies:
     """The best body that neighbours of neighbours lead to.
 
@@ -268,7 +279,7 @@ def improved(
     return body
 
 
-def leave_one_out(search: Search, group: Group, body: Bodies) -> tuple[np.ndarray, Bodies]:
+def leave_one_out(search: Search, group: Group | Smooth, body: Bodies) -> tuple[np.ndarray, Bodies]:
     """What leaving each joint of a chain out costs, in the order of the chain; and the body."""
     order = order_of(body.ways[0][0])
     bodies = body.pick(np.zeros(len(order) + 1, dtype=int))
@@ -280,12 +291,14 @@ def leave_one_out(search: Search, group: Group, body: Bodies) -> tuple[np.ndarra
     return cost[1:] - cost[0], bodies.pick([0])
 
 
-def pruned(search: Search, group: Group, body: Bodies) -> Bodies:
+def pruned(search: Search, group: Group | Smooth, body: Bodies) -> Bodies:
     """The body without the joints that do not matter."""
+    # With few touches a joint that does not matter explains some of the noise.
+    matters = MATTERS + (_LUCK / len(group.rows) if isinstance(group, Smooth) else 0.0)
     while len(body.ways[0][0]) > 2:
         cost, body = leave_one_out(search, group, body)
         idle = np.argsort(cost, kind="stable")
-        idle = idle[cost[idle] < MATTERS][: max(1, int((cost < MATTERS).sum() + 1) // 2)]
+        idle = idle[cost[idle] < matters][: max(1, int((cost < matters).sum() + 1) // 2)]
         if len(idle) == 0:
             break
         order = order_of(body.ways[0][0])
@@ -294,7 +307,7 @@ def pruned(search: Search, group: Group, body: Bodies) -> Bodies:
     return body
 
 
-def found_chains(search: Search, group: Group, joints: Sequence[int]) -> Iterator[Bodies]:
+def found_chains(search: Search, group: Group | Smooth, joints: Sequence[int]) -> Iterator[Bodies]:
     """One body after another: chains of a population, led on by their neighbours, and polished.
 
     Whoever asks stops when one is good. The second half comes from a population of its own.
@@ -311,7 +324,7 @@ def found_chains(search: Search, group: Group, joints: Sequence[int]) -> Iterato
             yield polished(search, group, pruned(search, group, body))
 
 
-def swap_costs(search: Search, group: Group, body: Bodies) -> np.ndarray:
+def swap_costs(search: Search, group: Group | Smooth, body: Bodies) -> np.ndarray:
     """`(L - 1,)` what it costs that neighbours of a chain change places."""
     order = order_of(body.ways[0][0])
     bodies = body.pick(np.zeros(len(order), dtype=int))
@@ -323,7 +336,7 @@ def swap_costs(search: Search, group: Group, body: Bodies) -> np.ndarray:
     return cost[1:] - cost[0]
 
 
-def polished(search: Search, group: Group, body: Bodies) -> Bodies:
+def polished(search: Search, group: Group | Smooth, body: Bodies) -> Bodies:
     """The body after a long descent that hardly heeds wrong labels."""
     how = Descent(steps=800, rate=0.01, kernels=80, members=16)
     return search.descended([group], body, how)

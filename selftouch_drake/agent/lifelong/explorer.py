@@ -309,7 +309,8 @@ class PostureSampler(Explorer):
         for _ in range(_TRIES * num_touches):
             tried = q + strides * self.rng.standard_normal(len(q)) * self.stride
             yield from self._go(tried.clip(self.lower, self.upper)[None])
-            num_touches -= bool(self.felt.any())
+            if self.felt.any():
+                num_touches -= 1
             if not num_touches:
                 return
 

@@ -12,9 +12,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.learning import Found, joined, represented
+from selftouch_drake.agent.representation.learning import Findings, joined, represented
 from selftouch_drake.agent.representation.quotient import (
-    LEAST_KERNELS,
+    LEAST_OF_PART,
     NO_MODE,
     QuotientRepresentation,
     mattering,
@@ -73,7 +73,7 @@ class OnlineLearner:
         # The last one is not a kernel: it holds touches of several places, which are set aside.
         self._memory = KernelReservoir(num_targets + 1, max_kernel_size, seed=seed)
         self._num_set_aside = 0
-        # Chosen now and then, as of `QuotientRepresentation`; and the number of touches then.
+        # Chosen now and then, as in `QuotientRepresentation`; and the number of touches then.
         self._targets = np.zeros((0, 0), dtype=np.float32)
         self._part = self._joint_scale = np.zeros(0)
         self._together, self._laid_out_at = receptors_together(np.zeros((1, 1))), 0
@@ -176,7 +176,7 @@ class OnlineLearner:
         felt = together.receptors(sensation, touch, of_pools)
         known = ~aside & np.isin(touch, some)
         num_targets = min(int(known.sum()) // _TOUCHES_PER_TARGET, self.num_targets)
-        if num_targets < LEAST_KERNELS:
+        if num_targets < LEAST_OF_PART:
             return
         overlap = together.overlap
         targets = common_targets(felt[known], num_targets, overlap, together.chance, or_fewer=True)
@@ -247,7 +247,7 @@ class OnlineLearner:
             self._distance = np.where(changed[:, None] | changed, again, self._distance)
         self._changed[:num][changed] = 0
         graph = joined(sets, sample, self._distance, self._targets, self._part)
-        found = Found(
+        found = Findings(
             targets=self._targets,
             joint_scale=self._joint_scale,
             kernel_mode=mode,

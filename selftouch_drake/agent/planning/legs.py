@@ -59,7 +59,7 @@ class Waypoints:
 
     def passed(
         self, slides: Slides, touch: TouchModel | None, limits: tuple[np.ndarray, np.ndarray]
-    ) -> "Passed":
+    ) -> "PassedWaypoints":
         """What the plan passes: known slides replace straight steps, and others are bent.
 
         Args:
@@ -83,7 +83,7 @@ class Waypoints:
             waypoints += [*passed, x[step + 1]]
             of_step += [step] * (len(passed) + 1)
             imagined += [imagines] * len(passed) + [False]
-        return Passed(
+        return PassedWaypoints(
             nodes=np.array(nodes),
             of_step=np.array(of_step, dtype=int),
             waypoints_x=np.array(waypoints),
@@ -116,7 +116,7 @@ class _Stretch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Passed:
+class PassedWaypoints:
     """What a plan of W waypoints passes.
 
     Attributes:

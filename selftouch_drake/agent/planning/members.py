@@ -7,7 +7,7 @@ from selftouch_drake.quotient.firm import firm, surely_felt
 
 
 def firm_members(representation: QuotientRepresentation, kernel: int, mode: int) -> np.ndarray:
-    """Rows of `kernel_q` that plans pass through, all of `mode`, as of `quotient.firm.firm`.
+    """Rows of `kernel_q` that plans pass through, all of `mode`, as in `quotient.firm.firm`.
 
     Only the joints that matter in the mode count.
     """
@@ -22,7 +22,7 @@ def firm_members(representation: QuotientRepresentation, kernel: int, mode: int)
 def goal_members(
     representation: QuotientRepresentation, kernel: int, mode: int | None = None
 ) -> np.ndarray:
-    """Rows of `kernel_q` at which plans end, as of `quotient.firm.surely_felt`.
+    """Rows of `kernel_q` at which plans end, as in `quotient.firm.surely_felt`.
 
     All rows are of `mode`, if given.
     """

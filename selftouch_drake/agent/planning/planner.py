@@ -72,7 +72,7 @@ class Planner:
         prefer: Prefer = "body",
     ) -> None:
         if not knot_spacing > 0.0:
-            raise ValueError(f"knot_spacing is {knot_spacing} rad: give a positive number")
+            raise ValueError(f"knot_spacing is {knot_spacing} mu: give a positive number")
         self.representation = representation
         self.knot_spacing = knot_spacing
         self.touch_model = touch_model
@@ -195,7 +195,8 @@ class Planner:
         its mode.
         """
         x, found = way.end, []
-        for after, graph in enumerate(mode.graph for mode in self._modes):
+        for after, known in enumerate(self._modes):
+            graph = known.graph
             if (component := graph.component[goal]) >= 0:
                 leads = np.repeat(graph.component == component, graph.firm.sizes)
                 found.append((self._nearest(x, graph.firm_row[leads], memory), after))
@@ -234,7 +235,7 @@ class Planner:
         query = Query(start, way.end[joints], goal, goal_x)
         nodes = carried_route(graph, query, penalty, length).tolist()
         links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
-        layers = [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x]
+        layers = [*(graph.firm.configurations(k) for k in nodes[1:-1]), goal_x]
         way.follow(nodes[1:], links, layers, mode)
 
     def _through(

@@ -9,8 +9,7 @@ from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, stored_row
 from selftouch_drake.agent.representation.touches import felt_kernels
 
-#: Length of scaled path between the places at which the agent feels, and checks that it can be
-#: there.
+#: mu of path length between the places at which the agent feels, and checks that it can be there.
 _SAMPLED = 0.03
 
 
@@ -21,7 +20,7 @@ class DryRun:
     n places, S receptors.
 
     Attributes:
-        s: `(n,)` path lengths of the places, as of `Plan.waypoint_s`.
+        s: `(n,)` path lengths of the places, as in `Plan.waypoint_s`.
         felt: `(n, S)` N, sensations there.
         lost: steps on which expected contact was lost.
         impossible: steps with configurations that the robot cannot take.

@@ -36,13 +36,13 @@ class Practised:
         agent: the agent, with what it learned in practice.
         unpractised: the plan before practice.
         plan: the plan after it; the same if nothing was to be repaired.
-        felt: what was felt along that plan.
+        dry_run: the dry run of that plan: what was felt along it.
     """
 
     agent: Agent
     unpractised: Plan
     plan: Plan
-    felt: DryRun
+    dry_run: DryRun
 
 
 def practise(
@@ -58,7 +58,7 @@ def practise(
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
     other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
-    are as of `Agent.plan`.
+    are as in `Agent.plan`.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.
@@ -69,16 +69,16 @@ def practise(
         return agent.plan(*targets, q_start=q_start, limits=limits, **options)
 
     unpractised = plan_on_skin(agent)
-    wiser, plan, felt = _repaired(plan_on_skin, agent, unpractised, slider)
-    if len(felt.impossible):
+    wiser, plan, last_run = _repaired(plan_on_skin, agent, unpractised, slider)
+    if len(last_run.impossible):
         plan_in_air = partial(plan_on_skin, lift_off=True)
-        wiser, plan, felt = _repaired(plan_in_air, agent, plan_in_air(agent), slider)
-    if len(felt.impossible):
+        wiser, plan, last_run = _repaired(plan_in_air, agent, plan_in_air(agent), slider)
+    if len(last_run.impossible):
         raise NoWayError(
             f"no way to target {plan.goal} was found on which the rigid parts of the robot do not "
             "run into each other: choose another start or goal, or babble longer"
         )
-    return Practised(agent=wiser, unpractised=unpractised, plan=plan, felt=felt)
+    return Practised(agent=wiser, unpractised=unpractised, plan=plan, dry_run=last_run)
 
 
 def remembering(one: Try, agent: Agent, slider: Slider) -> Agent:
@@ -102,25 +102,25 @@ def remembering(one: Try, agent: Agent, slider: Slider) -> Agent:
 def _repaired(
     plan_again: Callable[..., Plan], agent: Agent, plan: Plan, slider: Slider
 ) -> tuple[Agent, Plan, DryRun]:
-    """The agent after practice, its plan, and what it felt along it.
+    """The agent after practice, its plan, and the dry run of that plan.
 
     `plan_again` asks an agent for a plan, as `Agent.plan`, with further options.
     """
-    felt, aside = dry_run(plan, slider), None
+    last_run, aside = dry_run(plan, slider), None
     for _ in range(_MOST_ROUNDS):
-        missed = missed_touches(plan, felt, agent.representation)
-        if not len(felt.doubtful) and not missed:
+        missed = missed_touches(plan, last_run, agent.representation)
+        if not len(last_run.doubtful) and not missed:
             break
         if aside is None:
             aside = out_of_the_way(plan, agent.representation, slider)
             if aside is not None:
                 plan = plan_again(agent, aside=aside)
-                felt = dry_run(plan, slider)
+                last_run = dry_run(plan, slider)
         before = agent.memory
-        memory, lost = other_ways(plan, felt.doubtful, slider, before, agent.representation)
+        memory, lost = other_ways(plan, last_run.doubtful, slider, before, agent.representation)
         agent = agent.recalling(memory.avoiding(lost).missing(missed))
         if agent.memory.same_as(before):
             break
         plan = plan_again(agent, aside=aside)
-        felt = dry_run(plan, slider)
-    return agent, plan, felt
+        last_run = dry_run(plan, slider)
+    return agent, plan, last_run

@@ -256,7 +256,7 @@ def _neighbours(felt: np.ndarray, num_rows: int) -> np.ndarray:
 
 
 def checked_recording(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Configurations and readings as arrays of real numbers; errors as of `estimate_baseline`."""
+    """Configurations and readings as arrays of real numbers; errors as in `estimate_baseline`."""
     q, readings = np.asarray(q), np.asarray(readings)
     for name, rows, columns in (("q", q, "joints"), ("readings", readings, "receptors")):
         if rows.ndim != 2 or 0 in rows.shape:

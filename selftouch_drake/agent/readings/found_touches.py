@@ -70,13 +70,13 @@ def find_touches(
     """Finds the touches in a recording of raw readings.
 
     Args:
-        q: as of `estimate_baseline`.
+        q: as in `estimate_baseline`.
         readings: `(n, S)` raw, rows that touch and rows that do not, as recorded. Pressures with an
             offset of 0 are returned unchanged.
         filtering: "median" if each reading becomes the median of three rows; "none" if it stays as
             it is, even if it looks like a spike; by default a median where there are spikes and
             rows are successive in time.
-        known: `offset`, `threshold` and `rising`, as of `estimate_baseline`.
+        known: `offset`, `threshold` and `rising`, as in `estimate_baseline`.
 
     Raises:
         ValueError: shapes disagree, a number is not finite, nothing is felt, or rows without order

@@ -17,7 +17,7 @@ from selftouch_drake.quotient.sensations import assign
 class QuotientLearner(BaseEstimator):
     """Learns motor kernel sets and the quotient graph from experience (paper, section III).
 
-    Parameters are as of `learning.learn`; `random_state` is its seed, or a generator to draw one
+    Parameters are as in `learning.learn`; `random_state` is its seed, or a generator to draw one
     from.
 
     Attributes:

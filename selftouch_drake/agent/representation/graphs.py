@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> "nx.Graph":
-    """The quotient graph as a networkx graph, as of `quotient.graph.to_networkx`.
+    """The quotient graph as a networkx graph, as in `quotient.graph.to_networkx`.
 
     Nodes also have the attribute `part` and, of a representation with an embedding, `position`,
     `(3,)` in the embedding of their part.

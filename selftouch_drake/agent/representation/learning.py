@@ -35,12 +35,12 @@ class Learned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
+class Findings:
     """What the agent finds in its experience beside the paper's representation.
 
     Attributes:
         targets: `(K, S)` target sensations that are kept, unit L2 norm.
-        joint_scale: as of `QuotientRepresentation`, as are all that follow.
+        joint_scale: as in `QuotientRepresentation`, as are all that follow.
         kernel_mode: the mode of each touch.
         mode_joints: the joints that matter in each mode.
         overlap: receptors that may feel the same touch.
@@ -99,7 +99,7 @@ def learn(
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
     )
     graph = joined(sets, kernels.sample, distance, kernels.targets, part)
-    found = Found(
+    found = Findings(
         targets=senses.as_kept(kernels.targets, kernels.total),
         joint_scale=kernels.joint_scale,
         kernel_mode=mode,
@@ -135,9 +135,9 @@ def represented(
     sample: KernelSample,
     distance: np.ndarray,
     graph: QuotientGraph,
-    found: Found,
+    found: Findings,
 ) -> Learned:
-    """What was learned, from its pieces; arguments are as of `joined`."""
+    """What was learned, from its pieces; arguments are as in `joined`."""
     representation = QuotientRepresentation(
         target_sensations=found.targets,
         kernel_offsets=sets.offsets,

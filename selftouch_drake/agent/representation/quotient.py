@@ -16,7 +16,7 @@ NO_MODE = -1
 
 #: Fewest kernels of a part whose shape and holes are recovered. Smaller parts are fragments: the
 #: rim of a patch that was hardly touched, or a receptor that shares no touch with others.
-LEAST_KERNELS = 12
+LEAST_OF_PART = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,11 +74,11 @@ class QuotientRepresentation(Representation, Record):
 
     @property
     def num_parts(self) -> int:
-        """Number of parts without fragments of fewer than `LEAST_KERNELS` kernels; 1 or more.
+        """Number of parts without fragments of fewer than `LEAST_OF_PART` kernels; 1 or more.
 
         They are parts 0 to `num_parts - 1`.
         """
-        return max(int(np.sum(np.bincount(self.part) >= LEAST_KERNELS)), 1)
+        return max(int(np.sum(np.bincount(self.part) >= LEAST_OF_PART)), 1)
 
     @property
     def apart(self) -> np.ndarray:
@@ -122,7 +122,7 @@ def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.nd
     """`(R, J)` float32, scaled configurations with joints that do not matter set to their mean.
 
     Otherwise these joints would be noise in every distance between configurations. Mode and
-    `mode_joints` are as of `QuotientRepresentation`.
+    `mode_joints` are as in `QuotientRepresentation`.
     """
     return np.where(row_joints(mode, mode_joints), x, x.mean(axis=0)).astype(np.float32)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.network import Network, standardised, toward, train
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, NO_MODE
 from selftouch_drake.quotient.kernels import KernelSets
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
@@ -90,7 +90,7 @@ def touch_modes(
     of_part = part[kernel]
     rng = np.random.default_rng(seed)
     tested = {}
-    for number in np.flatnonzero(np.bincount(part) >= LEAST_KERNELS):
+    for number in np.flatnonzero(np.bincount(part) >= LEAST_OF_PART):
         rows = np.flatnonzero(of_part == number)
         if len(rows) >= _FEWEST:
             tested[number] = rng.permutation(rows)[: min(_NUM_TESTED, len(rows) // 5)]

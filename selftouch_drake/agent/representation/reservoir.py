@@ -1,4 +1,4 @@
-"""The same samples of kernels as of `quotient.kernels.sample_rows`, as experience comes.
+"""The same samples of kernels as in `quotient.kernels.sample_rows`, as experience comes.
 
 Each row of the experience has a random priority that depends only on the seed and the row, and a
 kernel keeps the rows with the lowest priorities. So the kernels do not depend on how the experience
@@ -63,7 +63,7 @@ class Draw:
     def take(
         self, kernel: np.ndarray, row: np.ndarray, **columns: np.ndarray
     ) -> dict[str, np.ndarray]:
-        """The touches that may be kept; arguments are as of `KernelReservoir.add`."""
+        """The touches that may be kept; arguments are as in `KernelReservoir.add`."""
         # The i-th row has the i-th draw, however rows are cut.
         random = np.random.Generator(np.random.PCG64(self.seed).advance(self.first_row))
         priority = random.random(int(row[-1]) + 1 if len(row) else 0)[row]
@@ -137,7 +137,7 @@ class KernelReservoir:
 
     def _settle(self) -> None:
         """Keeps the rows with the lowest priorities of each kernel."""
-        parts = [self._settled] * bool(self._settled) + self._waiting
+        parts = [self._settled, *self._waiting] if self._settled else self._waiting
         rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         kernel, priority = rows["kernel"], rows["priority"]
         # Sorting takes long, so rows of kernels that have room are left out.

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from selftouch_drake.agent.representation.pools import pooled
 from selftouch_drake.agent.representation.touches import (
     Together,
     expected_readings,
     kernel_parts,
-    pooled,
     receptors_together,
 )
 from selftouch_drake.quotient.sensations import assign, target_sensations, unit
@@ -28,7 +28,7 @@ class SeveralPlaces:
 
     Attributes:
         together: which receptors feel the same touch.
-        expected: `(P, P)` as of `expected_readings`; None if touches are compared as they are felt.
+        expected: `(P, P)` as in `expected_readings`; None if touches are compared as they are felt.
     """
 
     together: Together
@@ -53,7 +53,7 @@ class SeveralPlaces:
         return felt if self.expected is None else felt.astype(np.float32) @ self.expected
 
     def by_receptor(self, sensation: np.ndarray, row: np.ndarray, felt: np.ndarray) -> np.ndarray:
-        """As of `Together.receptors`."""
+        """As in `Together.receptors`."""
         return self.together.receptors(sensation, row, felt)
 
     def targets(self, compared: np.ndarray, num_targets: int) -> np.ndarray:
@@ -96,8 +96,8 @@ def common_targets(
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
     So targets with hardly any touches, for their part, are dropped with their touches. If not
-    `chance`, this does nothing. Parts follow from `(S, S)` `near`; it and `chance` are as of
-    `Together`, all else is as of `target_sensations`.
+    `chance`, this does nothing. Parts follow from `(S, S)` `near`; it and `chance` are as in
+    `Together`, all else is as in `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)

@@ -26,7 +26,7 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sorted:
+class SortedExperience:
     """The experience, sorted into motor kernel sets.
 
     Attributes:
@@ -35,7 +35,7 @@ class Sorted:
         sample: what is kept of each kernel; its columns are `q`, `(R, J)` float32, `strength`,
             `(R,)` N, and `error`, `(R,)` cosine distance to the target sensation.
         senses: how sensations are taken apart.
-        total: as of `SeveralPlaces.total`, of all touches.
+        total: as in `SeveralPlaces.total`, of all touches.
         num_touches: rows of the experience.
         num_set_aside: touches that were set aside.
     """
@@ -61,7 +61,7 @@ def sorted_into_kernels(
     *,
     progress: Progress = lambda fraction, stage: None,
     each: Map = map,
-) -> Sorted:
+) -> SortedExperience:
     """Sorts experience of any size into motor kernel sets, in bounded memory.
 
     Experience is read twice: for the target sensations, and for the kernel of each touch. The sizes
@@ -79,7 +79,7 @@ def sorted_into_kernels(
     """
     quantise_seed, sample_seed = sizes.seeds(2)
     some = KernelReservoir(1, MAX_ROWS, seed=quantise_seed)
-    for taken, num_rows in passed(_fair_share, some, checked(batches()), each, check=True):
+    for taken, num_rows in passed(_drawn_rows, some, checked(batches()), each, check=True):
         some.keep(taken, num_rows)
         progress(0.0, "target sensations")
     require_rows(some.num_rows, sizes.num_targets)
@@ -99,7 +99,7 @@ def sorted_into_kernels(
             f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
             "experience each time"
         )
-    return Sorted(
+    return SortedExperience(
         targets=targets,
         joint_scale=scale,
         sample=kernels.sample(),
@@ -129,8 +129,8 @@ def _targets_and_scale(
     return targets, scaling.result()
 
 
-def _fair_share(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
-    """Rows of a block that may be learned from, and the number of rows."""
+def _drawn_rows(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
+    """Rows of a block that the target sensations may be learned from, and its number of rows."""
     sensation, q = batch
     row = np.arange(len(q))
     return draw.take(np.zeros_like(row), row, sensation=sensation, q=q.astype(np.float32)), len(q)

@@ -11,11 +11,10 @@ alone is such a hand, and its touches count for a place on either side.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial.distance import squareform
 
+from selftouch_drake.agent.representation.pools import MOST_POOLS, pooled, pools_of
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.quotient.sensations import strength, unit
 
@@ -49,10 +48,6 @@ _ALONE, _ELSEWHERE = 0.25, 0.66
 #: arm touch in at most 8 % of their steps, so two such arms touch together in at most 4 % of all
 #: touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.3 %.
 _MOST_BY_CHANCE = 0.05
-
-#: More receptors than this are pooled: few touches are felt by the same ones. For two of one pool,
-#: one minus the share of their touches (over the geometric mean) is below the second number.
-_MOST_POOLS, _MOST_APART = 1000, 0.9999
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +89,7 @@ class Together:
 
     def receptors(self, sensation: np.ndarray, row: np.ndarray, felt: np.ndarray) -> np.ndarray:
         """`(m, S)` N, what receptors feel of what pools feel at the `places` of a sensation."""
-        if len(self.pool) <= _MOST_POOLS:
+        if len(self.pool) <= MOST_POOLS:
             return felt
         return np.where(felt[:, self.pool] > 0, sensation[row], 0)
 
@@ -130,7 +125,7 @@ def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def receptors_together(sensation: np.ndarray) -> Together:
-    """Finds which receptors feel the same touch, by sensations as of `overlapping`.
+    """Finds which receptors feel the same touch, by sensations as in `overlapping`.
 
     Two hands that move independently seldom touch at once: the share of such touches is about half
     the share of time that one hand touches. They are excluded, because any place of one hand occurs
@@ -138,7 +133,7 @@ def receptors_together(sensation: np.ndarray) -> Together:
     most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
     of poses of the hand (paper, section II), and they are kept.
     """
-    pool = _pools(sensation)
+    pool = pools_of(sensation)
     felt = pooled(sensation, pool)
     overlap, double = overlapping(felt)
     one_part = _of_one_part(overlap)
@@ -160,40 +155,13 @@ def expected_readings(felt: np.ndarray, together: Together) -> np.ndarray | None
     twice over: over receptors two neighbours away. Pools of forces do so once: touches of
     neighbouring kernels may share no receptor. `(n, P)` N is what pools feel, unselected.
     """
-    if not together.binary and len(together.pool) <= _MOST_POOLS:
+    if not together.binary and len(together.pool) <= MOST_POOLS:
         return None
     touched = (felt > 0).astype(np.float32)
     shared = np.where(_of_one_part(together.near), touched.T @ touched, 0.0).astype(np.float32)
     share = shared / np.maximum(np.diag(shared), 1.0)[:, None]
     np.fill_diagonal(share, 1.0)  # a receptor that felt nothing yet stands for itself
     return share @ share if together.binary else share
-
-
-def _pools(sensation: np.ndarray) -> np.ndarray:
-    """`(S,)` the pool of each receptor: that of those that feel the same of `(n, S)` touches."""
-    num_receptors = sensation.shape[1]
-    if num_receptors <= _MOST_POOLS:
-        return np.arange(num_receptors)
-    touched = csr_array(sensation > 0, dtype=np.float32)
-    felt = touched.sum(axis=0)
-    known = np.flatnonzero(felt)
-    pool = np.zeros(num_receptors, dtype=int)  # of those that felt nothing yet
-    pool[known] = 1 + np.arange(len(known))
-    if len(known) < _MOST_POOLS:
-        return pool
-    touched = touched[:, known]
-    apart = 1.0 - (touched.T @ touched).toarray() / np.sqrt(np.outer(felt[known], felt[known]))
-    tree = linkage(squareform(apart, checks=False), "complete")
-    # Those that share no touch stay apart, however many there are.
-    pool[known] = fcluster(tree, min(tree[1 - _MOST_POOLS, 2], _MOST_APART), "distance")
-    return pool
-
-
-def pooled(sensation: np.ndarray, pool: np.ndarray) -> np.ndarray:
-    """`(n, P)` N, what pools feel in all of `(n, S)` N."""
-    if len(pool) <= _MOST_POOLS:
-        return sensation
-    return sensation @ csr_array((np.ones(len(pool), np.float32), (np.arange(len(pool)), pool)))
 
 
 def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -252,7 +220,7 @@ def _of_one_part(overlap: np.ndarray) -> np.ndarray:
 def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(K,)` the part of the body that each kernel is on; 0 has the most kernels.
 
-    The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as of
+    The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as in
     `overlapping` or `Together`.
     """
     of_receptor = _receptor_parts(overlap)[target_sensations.argmax(axis=1)]
@@ -270,7 +238,9 @@ def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) 
     representation has several parts, or set touches of several places aside, the sensation is split
     into separate touches. Otherwise it is compared as a whole.
     """
-    touches = np.asarray(sensation)[None][: int(np.any(sensation))]
+    if not np.any(sensation):
+        return np.empty(0, dtype=np.intp)
+    touches = np.asarray(sensation)[None]
     if representation.num_set_aside or representation.part.any():
         _, touches = separate_touches(touches, representation.overlap)
     return (touches @ representation.target_sensations.T).argmax(axis=1)

@@ -154,7 +154,7 @@ def cut_wide_cells(sets: KernelSets, cells: "Cells") -> tuple[KernelSets, np.nda
         return sets, np.arange(len(sizes))
     piece = np.zeros(len(sets.x), dtype=int)
     for kernel in np.flatnonzero(number > 1).tolist():
-        along = (sets.members(kernel) - cells.mean[kernel]) @ cells.tangent[kernel]
+        along = (sets.configurations(kernel) - cells.mean[kernel]) @ cells.tangent[kernel]
         rows = slice(*sets.offsets[kernel : kernel + 2])
         piece[rows] = clusters(along, number[kernel])
     owner = sets.kernel

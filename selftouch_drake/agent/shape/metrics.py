@@ -26,8 +26,7 @@ from selftouch_drake.quotient.layout import (
     one_thread,
     stress_embedding,
 )
-from selftouch_drake.quotient.lengths import BodyGraph
-from selftouch_drake.quotient.paths import locally_scaled
+from selftouch_drake.quotient.lengths import BodyGraph, locally_scaled
 from selftouch_drake.quotient.sensations import angles, unlike
 
 Progress = Callable[[float], None]
@@ -93,17 +92,17 @@ class ShapeMetric:
 def literal(
     representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
 ) -> BodyGraph:
-    """As of `quotient.lengths.literal`."""
+    """As in `quotient.lengths.literal`."""
     return lengths.literal(representation, progress)
 
 
 def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
-    """As of `quotient.lengths.motor`."""
+    """As in `quotient.lengths.motor`."""
     return lengths.motor(representation)
 
 
 def sensorimotor(representation: QuotientRepresentation, skin: int, *_: object) -> BodyGraph:
-    """As of `quotient.lengths.sensorimotor`, corrected for where the receptors lie.
+    """As in `quotient.lengths.sensorimotor`, corrected for where the receptors lie.
 
     It is not corrected where no model of the receptors explains what is felt.
     """
@@ -256,10 +255,18 @@ def between_cells(coordinates: KernelSets, skin: int) -> BodyGraph:
     return BodyGraph(edges=edges, length=length, kernel=kernel)
 
 
+def _classical(edges: np.ndarray, distances: np.ndarray, dimension: int) -> Embedding:
+    return classical_embedding(distances, dimension)
+
+
+def _by_stress(edges: np.ndarray, distances: np.ndarray, dimension: int) -> Embedding:
+    return stress_embedding(distances, dimension)
+
+
 #: The metrics by name.
 SHAPE_METRICS: dict[str, ShapeMetric] = {
-    "literal": ShapeMetric(literal, lambda edges, *given: classical_embedding(*given), False),
-    "motor": ShapeMetric(motor, lambda edges, *given: stress_embedding(*given), False),
+    "literal": ShapeMetric(literal, _classical, calibrated=False),
+    "motor": ShapeMetric(motor, _by_stress, calibrated=False),
     "learned": ShapeMetric(learned, curvature_corrected_mds),
     "sensorimotor": ShapeMetric(sensorimotor, curvature_corrected_mds),
 }

@@ -10,7 +10,7 @@ neighbours lie where a touch is within the discs of those that feel it, and outs
 import numpy as np
 from scipy.special import expit
 
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, QuotientRepresentation
 from selftouch_drake.agent.shape.rings import one_ring
 from selftouch_drake.quotient.graph import neighbour_edges
 from selftouch_drake.quotient.layout import classical_embedding
@@ -55,7 +55,7 @@ def overlap_lengths(representation: QuotientRepresentation, skin: int) -> np.nda
     distance = np.maximum(np.interp(-overlap, -shared, apart), 1e-3)
     distance[overlap < _LEAST_OVERLAP] = np.inf
     near = neighbour_edges(distance)
-    if len(felt) < LEAST_KERNELS or component_labels(near, len(felt)).any():
+    if len(felt) < LEAST_OF_PART or component_labels(near, len(felt)).any():
         return None
     length = distance[tuple(near.T)]
     along = geodesics(near, length, len(felt))

@@ -18,7 +18,7 @@ from selftouch_drake.agent.shape.unfolding import unfold
 from selftouch_drake.quotient.alpha import flat
 from selftouch_drake.quotient.dimension import LEAST_KERNELS
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
-from selftouch_drake.quotient.holes import Topology, spacings, topology
+from selftouch_drake.quotient.holes import Topology, neighbour_spacings, topology
 from selftouch_drake.quotient.layout import align, curvature_corrected_mds
 from selftouch_drake.quotient.paths import geodesics
 
@@ -135,7 +135,7 @@ def map_receptors(
         places, is_flat, bent = lay_out.places()
         flattened = np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
         between = np.square(align(bent, flattened) - flattened).sum(axis=1).mean()
-        scale = np.median(spacings(places, 6))
+        scale = np.median(neighbour_spacings(places, 6))
         deviations = []
         for again in range(_NUM_RESAMPLED):
             rng = np.random.default_rng([0, number, again])

@@ -11,9 +11,9 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation, embedded
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, DoubtedGraph
-from selftouch_drake.quotient.body import Shape, laid_out, measured, skin_of
+from selftouch_drake.quotient.body import Shape, holes_and_dimension, layout_and_space, skin_of
 from selftouch_drake.quotient.dimension import MISFIT
-from selftouch_drake.quotient.holes import spacings
+from selftouch_drake.quotient.holes import neighbour_spacings
 from selftouch_drake.quotient.layout import Embedding
 from selftouch_drake.quotient.lengths import BodyGraph
 
@@ -95,7 +95,8 @@ class RecoveredBody:
 
         It is calibrated on surfaces. Of a line, distances show the length alone, and no error.
         """
-        if not SHAPE_METRICS[self.metric].calibrated or any(part.skin == 1 for part in self.parts):
+        has_line = any(part.skin_dimension == 1 for part in self.parts)
+        if has_line or not SHAPE_METRICS[self.metric].calibrated:
             return None
         return max(expected_error(part.embedding) for part in self.parts)
 
@@ -124,7 +125,7 @@ class RecoveredBody:
             if misfit > MISFIT:
                 remedy = (
                     "it needs a fourth dimension, and is laid out in three"
-                    if part.space == 4
+                    if part.space_dimension == 4
                     else "babble longer, or choose another metric"
                 )
                 warnings.warn(
@@ -155,7 +156,7 @@ def trusted(error: float | None, margin: float) -> bool:
 
 def unevenness(positions: np.ndarray) -> float:
     """Standard deviation of the logarithm of the spacing around each of the `(n, d)` positions."""
-    return float(np.log(spacings(positions, _NEIGHBOURS)).std())
+    return float(np.log(neighbour_spacings(positions, _NEIGHBOURS)).std())
 
 
 def recover(
@@ -208,7 +209,7 @@ def _recovered_part(
 ) -> RecoveredPart:
     """A part of the body, of kernels `(n,)`, from its graph."""
     kernel, distances = graph.kernel, graph.geodesics(graph.length)
-    layout, space = laid_out(graph.edges, distances, skin, SHAPE_METRICS[metric].layout)
+    layout, space = layout_and_space(graph.edges, distances, skin, SHAPE_METRICS[metric].layout)
     # The position and the distances of a kernel are the means over its pieces.
     num_pieces = np.bincount(kernel)[kernel]
     mean = csr_array((1.0 / num_pieces, (kernel, np.arange(len(kernel)))))
@@ -217,13 +218,13 @@ def _recovered_part(
     np.fill_diagonal(between, 0.0)
     found, dimension = None, None
     if holes:
-        found, dimension = measured(np.concatenate([positions, pieces]), between, skin)
+        found, dimension = holes_and_dimension(np.concatenate([positions, pieces]), between, skin)
     return RecoveredPart(
         doubt=doubt,
         kernels=kernels,
         distances=between,
-        skin=skin,
-        space=space,
+        skin_dimension=skin,
+        space_dimension=space,
         embedding=dataclasses.replace(layout, positions=positions),
         pieces=pieces,
         topology=found,

@@ -89,7 +89,7 @@ def shown_page(
 ) -> Iterator[Meshcat]:
     """Opens a Meshcat for what goes on inside, until its end or Ctrl-C.
 
-    `announce` is called with where to look, and at the end; port and errors as of `open_meshcat`.
+    `announce` is called with where to look, and at the end; port and errors as in `open_meshcat`.
     """
     meshcat = open_meshcat(port)
     announce(f"{name} at {meshcat.web_url()} (Ctrl-C to end)")
@@ -175,7 +175,7 @@ class FeelingRobot(Stage):
     diagram is freed by older Drakes too, and so is its Meshcat.
 
     Args:
-        full: N, the reading with the strongest colour; all else as of `Stage`.
+        full: N, the reading with the strongest colour; all else as in `Stage`.
     """
 
     def __init__(

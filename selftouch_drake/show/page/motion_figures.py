@@ -67,7 +67,9 @@ def plan_path(
         middle = skins[number].vertices.mean(axis=0)
         first = View.facing(over.mean(axis=0) - middle + 1e-9)
         second = View(first.elevation, first.azimuth + 110.0)
-        panels += [(number, first)] + [(number, second)] * (len(numbers) == 1)
+        panels.append((number, first))
+        if len(numbers) == 1:
+            panels.append((number, second))
     figure = Figure(figsize=(9.4, 5.4), layout="constrained")
     grid = figure.add_gridspec(1, len(panels))
     for column, (number, view) in enumerate(panels):

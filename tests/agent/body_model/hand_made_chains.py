@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.chain import places, turns
 from selftouch_drake.agent.body_model.fit import random_twists
+from selftouch_drake.agent.body_model.support import bulge
 
 
 def an_arm(seed=1, joints=4, slides=()):
@@ -29,14 +30,19 @@ def touches(twists, point, *, number=4000, kernels=150, seed=0, noise=0.0):
         q.append(tried[on])
         y.append(there[on])
     q, y = np.concatenate(q)[:number], np.concatenate(y)[:number]
-    # Evenly spaced, as target sensations are: each is the farthest from those before.
-    anchors, apart = [], np.full(number, np.inf)
+    target = nearest_of(y, kernels)
+    return q + noise * random.standard_normal(q.shape), target, y
+
+
+def nearest_of(y, kernels):
+    """`(n,)` the nearest of so many evenly spaced places."""
+    # As target sensations are: each is the farthest from those before.
+    anchors, apart = [], np.full(len(y), np.inf)
     for _ in range(kernels):
         anchors.append(y[apart.argmax()])
         apart = np.minimum(apart, np.linalg.norm(y - anchors[-1], axis=1))
     anchors = np.array(anchors)
-    target = ((y[:, None] - anchors[None]) ** 2).sum(axis=2).argmin(axis=1)
-    return q + noise * random.standard_normal(q.shape), target, y
+    return ((y[:, None] - anchors[None]) ** 2).sum(axis=2).argmin(axis=1)
 
 
 def misfit(found, true):
@@ -45,3 +51,28 @@ def misfit(found, true):
     U, s, V = np.linalg.svd(a.T @ b)
     apart = (s.sum() / (a**2).sum()) * a @ (U @ V) - b
     return 100 * np.sqrt((apart**2).sum(axis=1).mean()) / np.linalg.norm(np.ptp(true, axis=0))
+
+
+def rolling(twists, point, shape, *, number=3000, kernels=150, seed=0):
+    """As `touches`, of a toucher with a shape; places are those of a ball that touches there."""
+    random = np.random.default_rng(seed)
+    cloud = places(random.uniform(-1.5, 1.5, (2000, len(twists))), twists, point)
+    center = np.median(cloud, axis=0)
+    radius = np.median(np.linalg.norm(cloud - center, axis=1))
+    q, y = [], []
+    while sum(map(len, q)) < number:
+        tried = random.uniform(-1.5, 1.5, (200_000, len(twists)))
+        there = places(tried, twists, point)
+        tried = tried[np.abs(np.linalg.norm(there - center, axis=1) / radius - 1) < 0.3]
+        at = there = places(tried, twists, point)
+        turn = turns(tried, twists)
+        for _ in range(8):
+            normal = at - center
+            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            in_hand = bulge(shape, -np.einsum("nba,nb->na", turn, normal))
+            at = there + np.einsum("nab,nb->na", turn, in_hand)
+        on = np.abs(np.linalg.norm(at - center, axis=1) / radius - 1) < 0.01
+        q.append(tried[on])
+        y.append(at[on])
+    q, y = np.concatenate(q)[:number], np.concatenate(y)[:number]
+    return q, nearest_of(y, kernels), y

@@ -33,6 +33,10 @@ def test_a_chain_of_unknown_order_and_units_is_found():
     turns = np.linalg.norm(model.twists[:, :3], axis=1)
     assert turns == pytest.approx(1 / np.abs(unit), rel=0.02)
     assert np.abs(np.linalg.norm(model.twist_sigma, axis=1) * np.abs(unit)).max() < 0.1
+    # The skin is a sphere, touched from outside.
+    place = model.kernel_place
+    sphere = np.linalg.lstsq(np.c_[2 * place, np.ones(len(place))], (place**2).sum(axis=1))[0]
+    assert ((place - sphere[:3]) * model.kernel_normal).sum(axis=1).min() > 0
 
 
 def test_a_slide_is_told_from_a_turn():
@@ -56,7 +60,9 @@ def test_a_joint_that_does_not_matter_is_not_used():
 def test_three_joints_leave_a_body_open():
     # Each kernel has one or two postures: a body that is wrong by 5 % makes them as small.
     q, target, _ = touches(*an_arm(joints=3))
-    assert not found(q, target).accepted
+    model = found(q, target)
+    assert not model.accepted
+    assert "the touches prove nothing" in model.reason
 
 
 def test_two_fingers_of_one_hand_are_told_apart():

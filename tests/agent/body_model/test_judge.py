@@ -1,8 +1,12 @@
 """The judgement: what joints alone explain is believed, and what a memory knows as well is not."""
 
+import re
+
 import numpy as np
+import pytest
 from hand_made_chains import an_arm, misfit, touches
 
+from selftouch_drake.agent.body_model.assemble import reasons
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.fit import chain_way
 from selftouch_drake.agent.body_model.judge import CHOICE, VERDICT, Sample, held_out, judged
@@ -61,6 +65,36 @@ def test_touches_that_crowd_prove_nothing():
     found = verdict(q, target, *an_arm(seed=8))
     assert not found.accepted
     assert "prove nothing" in found.reason
+
+
+@pytest.mark.parametrize(("joints", "open_to_memory"), [(3, True), (4, False)])
+def test_a_short_chain_is_not_called_wrong_where_touches_prove_nothing(joints, open_to_memory):
+    # With three joints a place has one or two postures, which a regression learns.
+    twists, point = an_arm(joints=joints)
+    q, target, _ = touches(twists, point)
+    bend = 0.05 * np.random.default_rng(2).standard_normal(twists.shape)
+    found = verdict(q, target, twists + bend, point)
+    assert not found.accepted
+    assert 0.4 < found.near < 0.8
+    told = re.match(
+        r"rejected: the touches prove nothing: (\d+) of (\d+) held-out touches need joints to be "
+        r"explained \(50% needed\).*one posture; [\d.]+% of \d+ held-out touches lie nearer",
+        reasons([found]),
+    )
+    assert bool(told) == open_to_memory
+    assert ("prove nothing" in found.reason) == open_to_memory
+    if told:
+        assert 20 < int(told[1]) < 0.5 * int(told[2])
+
+
+@pytest.mark.parametrize(("joints", "open_to_memory"), [(2, True), (4, False)])
+def test_a_chain_that_is_wrong_altogether_hides_no_single_posture(joints, open_to_memory):
+    # Its places are such that no regression finds them.
+    q, target, _ = touches(*an_arm(joints=joints))
+    twists, point = an_arm(seed=8, joints=joints)
+    found = verdict(q, target, 25 * twists, point)
+    assert not found.accepted
+    assert ("prove nothing" in found.reason) == open_to_memory
 
 
 def test_one_of_two_postures_is_not_enough():

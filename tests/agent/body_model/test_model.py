@@ -7,14 +7,13 @@ from scipy.linalg import expm
 
 from selftouch_drake.agent.body_model.model import (
     BASE,
-    SHAPE_BASIS,
     UNUSED,
     BodyModel,
     JointKind,
     VersionError,
-    bulge,
     rejected,
 )
+from selftouch_drake.agent.body_model.support import SHAPE_BASIS, bulge
 from selftouch_drake.agent.body_model.twists import exponential
 
 rng = np.random.default_rng(0)

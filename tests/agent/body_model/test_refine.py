@@ -62,7 +62,7 @@ def test_the_gradient_is_that_of_finite_differences_and_blind_to_the_gauge():
         step[entry] = 1e-5
         slope = (criterion(step) - criterion(-step)) / 2e-5
         assert found.gradient[entry] == pytest.approx(slope, rel=1e-3, abs=1e-3)
-    for direction in gauge(solution).T:
+    for direction in gauge(solution.twists, solution.points).T:
         # Normals turn with the whole.
         change = criterion(1e-5 * direction, True) - criterion(-1e-5 * direction, True)
         assert abs(change / 2e-5) < 1e-3
@@ -90,7 +90,7 @@ def test_standard_errors_count_the_size_of_kernels():
     error = np.r_[moved.twists.ravel(), moved.points.ravel()]
     error -= np.r_[solution.twists.ravel(), solution.points.ravel()]
     # A similarity changes nothing.
-    directions = gauge(solution)
+    directions = gauge(solution.twists, solution.points)
     error -= directions @ (directions.T @ error)
     assert (np.abs(error) < 2 * found).mean() > 0.9
     # Held parameters have none.

@@ -143,5 +143,5 @@ def test_a_plan_goes_along_the_slides_it_knows(ring, planner):
 
 
 def test_a_planner_refuses_what_it_cannot_do(ring):
-    with pytest.raises(ValueError, match=r"^knot_spacing is 0.0 rad: give a positive number$"):
+    with pytest.raises(ValueError, match=r"^knot_spacing is 0.0 mu: give a positive number$"):
         Planner(ring, knot_spacing=0.0)

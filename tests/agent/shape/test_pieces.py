@@ -28,8 +28,8 @@ def test_a_wide_cell_is_cut_in_parts_and_others_are_left():
     assert sizes[kernel == wide].min() > 0.4 * np.median(sizes)
     # The rows of a kernel stay together.
     for k in (0, wide, len(left) - 1):
-        rows = np.concatenate([cut.members(p) for p in np.flatnonzero(kernel == k)])
-        original = sets.members(k)
+        rows = np.concatenate([cut.configurations(p) for p in np.flatnonzero(kernel == k)])
+        original = sets.configurations(k)
         np.testing.assert_array_equal(rows[np.lexsort(rows.T)], original[np.lexsort(original.T)])
 
 

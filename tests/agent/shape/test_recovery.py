@@ -90,7 +90,7 @@ def lone_part(shape, metric):
 def test_a_line_of_skin_is_laid_out_in_a_plane():
     body, true = lone_part("ring", "learned")
     (part,) = body.parts
-    assert (part.skin, part.space) == (1, 2)
+    assert (part.skin_dimension, part.space_dimension) == (1, 2)
     assert part.positions.shape == (100, 2)
     assert part.topology.betti == (1, 1, 0)
     assert part.dimension == pytest.approx(1, abs=0.15)
@@ -102,7 +102,7 @@ def test_a_line_of_skin_is_laid_out_in_a_plane():
 def test_a_flat_patch_is_laid_out_in_a_plane():
     body, true = lone_part("square", "sensorimotor")
     (part,) = body.parts
-    assert (part.skin, part.space) == (2, 2)
+    assert (part.skin_dimension, part.space_dimension) == (2, 2)
     assert part.topology.betti == (1, 0, 0)
     assert np.all(body.positions[:, 2] == 0)
     assert shape_error(body.positions, true) < 0.03
@@ -120,7 +120,7 @@ def test_a_body_without_a_place_in_space_is_said_to_need_a_fourth_dimension():
     representation = QuotientLearner(200, random_state=0).fit(sensation, place).representation_
     body = recover(representation, "sensorimotor")
     (part,) = body.parts
-    assert (part.skin, part.space) == (2, 4)
+    assert (part.skin_dimension, part.space_dimension) == (2, 4)
     assert part.positions.shape == (200, 3)
     with pytest.warns(DistrustWarning) as caught:
         body.warn_of_misfit()

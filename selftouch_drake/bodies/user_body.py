@@ -1,4 +1,4 @@
-"""Bodies of others as an agent lives in them: raw readings become sensations."""
+"""A user's own body as an agent lives in it: raw readings become sensations."""
 
 import atexit
 from dataclasses import replace
@@ -22,8 +22,8 @@ _FAR, _BY, _ROUNDS = 0.1, 2, 12
 _ROWS, _LONG_ENOUGH_S = 2000, 60.0
 
 
-class LivingBody:
-    """A body of others: it babbles, practises and acts, and nobody knows its truth.
+class UserBody:
+    """A body that a user gave: it babbles, practises and acts, and nobody knows its truth.
 
     Its raw readings become sensations; the import uses the same baseline. It is left at rest
     when the program ends. The agent finds the baseline itself if it is not known yet.
@@ -49,7 +49,7 @@ class LivingBody:
         atexit.register(body.close)
 
     @property
-    def babbling(self) -> "LivingBody":
+    def babbling(self) -> "UserBody":
         """The body, with sensations.
 
         Raises:
@@ -62,7 +62,7 @@ class LivingBody:
     practice = acting = babbling
 
     @property
-    def still(self) -> "LivingBody | None":
+    def still(self) -> "UserBody | None":
         """The body, if it can be at rest everywhere."""
         return self.babbling if self.jumps else None
 
@@ -78,7 +78,7 @@ class LivingBody:
         return self._body.robot_s
 
     def feel(self, q: np.ndarray) -> Felt:
-        """As of `Body`, with sensations."""
+        """As in `Body`, with sensations."""
         felt = self._body.feel(q)
         self._at = None
         if len(felt.q):
@@ -86,7 +86,7 @@ class LivingBody:
         return self._noted(replace(felt, sensation=self._sensation(felt.sensation)))
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """As of `Body`, with sensations; a body that travels goes to the first one before."""
+        """As in `Body`, with sensations; a body that travels goes to the first one before."""
         there = self._at is not None and np.array_equal(q[0], self._at)
         if not (self.jumps or there):
             self._go(q[:1])

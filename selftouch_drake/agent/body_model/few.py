@@ -1,0 +1,256 @@
+"""A chain from few touches: found by what they feel like, judged by touches left out in turn.
+
+Below some thousand touches a kernel has a few members at most, and its label says little. The
+search is that of kernels, with sensations in place of labels (`smoothness`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from selftouch_drake.agent.body_model import structure
+from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.fit import Smooth
+from selftouch_drake.agent.body_model.judge import (
+    ACCEPTED,
+    FEWEST_HELD_OUT,
+    OUTLIER,
+    TOUCHES_PER_PARAMETER,
+    Judgement,
+    remembered,
+    unproven,
+)
+from selftouch_drake.agent.body_model.model import JointKind
+from selftouch_drake.agent.body_model.refine import kernel_medians
+from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished, spread
+from selftouch_drake.agent.body_model.structure import Search
+
+#: With fewer touches no body is looked for; with more kernels are as good, and cheaper.
+FEWEST, MOST = 40, 2000
+# Touches that a search and a finish look at.
+_SEARCHED, _FINISHED = 256, 1000
+# Chains that began apart and whose criteria differ by less agree.
+_SAME = 0.05
+# A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
+# steps at most.
+_FOLDS, _REFITTED = 5, 30
+# Touches of a neighbourhood in the space of sensations, with which the judgement compares places,
+# and the most of these neighbourhoods.
+_NEIGHBOURS, _MOST_NEIGHBOURHOODS = 5, 300
+# Parameters of a joint that turns or slides; a similarity of all of space changes nothing.
+_OF_JOINT, _OF_SIMILARITY = 5, 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FewFound:
+    """A chain that few touches led to.
+
+    Attributes:
+        order: of its joints.
+        twists: `(J, 6)` of all joints, for standardised readings.
+        point: `(3,)` of the toucher.
+        kind: `(J,)` values of `JointKind`.
+        swaps: `(L - 1,)` what it costs that neighbours change places.
+        place: `(n, 3)` of the touches, as their sensations say it.
+        judgement: by touches left out.
+        spread: `(6 J + 3, 6 J + 3)` covariance of twists and point; NaN for joints left out.
+    """
+
+    order: list[int]
+    twists: np.ndarray
+    point: np.ndarray
+    kind: np.ndarray
+    swaps: np.ndarray
+    place: np.ndarray
+    judgement: Judgement
+    spread: np.ndarray
+
+
+def found_by_sensation(
+    search: Search,
+    q: np.ndarray,
+    sensation: csr_array,
+    joints: list[int],
+    *,
+    open_below: float,
+    slides_below: float,
+    slide_cost: float,
+) -> FewFound | None:
+    """The first chain that touches left out accept, else the smoothest.
+
+    The search ends, too, when two chains that began apart agree: nothing better was missed by
+    chance.
+
+    Args:
+        search: what to work on.
+        q: `(n, J)` standardised readings.
+        sensation: `(n, S)` readings of the receptors.
+        joints: that move.
+        open_below: a joint that turns by less, in radians, is open.
+        slides_below: it slides if it turns by less than this, and
+        slide_cost: if not to turn costs less than this.
+    """
+    all_sensed = Sensed.of(sensation)
+    used = np.sort(search.random.permutation(len(q))[:_FINISHED])
+    sensed, q = all_sensed.some(used), q[used]
+    precision = sensed.precision()
+    some = np.sort(search.random.permutation(len(used))[:_SEARCHED])
+    group = Smooth(used[some], sensed.some(some).precision())
+    labels = neighbourhoods(sensed, search.random)
+    best: tuple[list[int], SmoothChain, Judgement] | None = None
+    criteria: list[float] = []
+    for body in structure.found_chains(search, group, joints):
+        order = structure.order_of(body.ways[0][0])
+        rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
+        chain = finished(q[:, order], precision, rough)
+        verdict = left_out_in_turn(q[:, order], sensed, labels, chain)
+        if best is None or verdict.accepted or chain.criterion < best[1].criterion:
+            best = order, chain, verdict
+        criteria = sorted([*criteria, chain.criterion])
+        if verdict.accepted or (len(criteria) > 1 and criteria[1] - criteria[0] < _SAME):
+            break
+    if best is None:
+        return None
+    order, chain, verdict = best
+    chain, kinds = _kinds(
+        q[:, order], precision, chain, open_below=open_below, slides_below=slides_below,
+        slide_cost=slide_cost,
+    )  # fmt: skip
+    kind = np.full(q.shape[1], int(JointKind.UNUSED))
+    kind[order] = kinds
+    twists = np.zeros((q.shape[1], 6))
+    twists[order] = chain.twists
+    place = places(q[:, order], chain.twists, chain.point)
+    return FewFound(
+        order=order, twists=twists, point=chain.point, kind=kind,
+        swaps=_swap_costs(q, precision, order, chain),
+        place=sensed.predicted(place, all_sensed), judgement=verdict,
+        spread=_spread(q, precision, order, chain, kinds),
+    )  # fmt: skip
+
+
+def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
+    """`(n,)` labels of touches that feel alike, some five to each."""
+    number = int(np.clip(len(sensed.share) // _NEIGHBOURS, 1, _MOST_NEIGHBOURHOODS))
+    seed = int(random.integers(2**31))
+    return kmeans2(np.sqrt(sensed.share), number, minit="++", seed=seed, missing="warn")[1]
+
+
+def left_out_in_turn(
+    q: np.ndarray, sensed: Sensed, labels: np.ndarray, chain: SmoothChain
+) -> Judgement:
+    """Judges a chain by touches that it did not see: it is fitted anew without each fifth of them.
+
+    The rule is that of `judge`; where a kernel lies, a sensation says. A memory of all other
+    touches says it too, and what it places as well proves nothing.
+
+    Args:
+        q: `(n, L)` readings of its joints.
+        sensed: what the touches feel like.
+        labels: `(n,)` neighbourhoods.
+        chain: of all touches.
+    """
+    parameters = _OF_JOINT * len(chain.twists) + 3 - _OF_SIMILARITY
+    needed = TOUCHES_PER_PARAMETER * parameters
+    if len(q) < needed:
+        return unproven(
+            f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)", 0
+        )
+    fold = np.arange(len(q)) * _FOLDS // len(q)
+    distance, off = np.empty(len(q)), np.empty(len(q))
+    for left_out in range(_FOLDS):
+        train, test = np.flatnonzero(fold != left_out), np.flatnonzero(fold == left_out)
+        seen = sensed.some(train)
+        again = finished(q[train], seen.precision(), chain, _REFITTED)
+        place = places(q, again.twists, again.point)
+        expected = seen.predicted(place[train], sensed.some(test))
+        middle = kernel_medians(place[train], labels[train], int(labels.max()) + 1, least=2)
+        middle = middle[np.isfinite(middle).all(axis=1)]
+        apart = np.median(cKDTree(middle).query(middle, k=2)[0][:, 1])
+        distance[test] = np.linalg.norm(place[test] - expected, axis=1) / apart
+        memory = remembered(q[train], place[train], q[test], np.zeros(len(test)))
+        off[test] = np.linalg.norm(memory - expected, axis=2).min(axis=0) / apart
+    inlier = distance < OUTLIER
+    proves = inlier & (off > 1)
+    if 2 * inlier.sum() > len(q) and proves.sum() < FEWEST_HELD_OUT:
+        return unproven(
+            f"a regression that knows no joints places all but {proves.sum()} of {inlier.sum()} "
+            f"touches, left out in turn, as well: they prove nothing ({FEWEST_HELD_OUT} needed "
+            "that do)",
+            len(q),
+        )
+    near = float((distance[proves] < 1).sum() / max(proves.sum(), 1))
+    inliers = float(inlier.mean())
+    # A share of few touches may be high by chance.
+    surely = near - np.sqrt(near * (1 - near) / max(proves.sum(), 1))
+    return Judgement(
+        accepted=bool(surely * min(1.0, 2 * inliers) > ACCEPTED),
+        near=near,
+        inliers=inliers,
+        criterion=chain.criterion,
+        tested=len(q),
+        reason=(
+            f"{near:.1%} of {proves.sum()} touches, left out in turn, lie nearer to where their "
+            f"sensations say than neighbouring sensations lie to each other, {surely:.1%} less a "
+            f"standard error ({ACCEPTED:.0%} needed), {1 - inliers:.1%} of {len(q)} are outliers "
+            "(fewer than half needed)"
+        ),
+    )
+
+
+def _kinds(
+    q: np.ndarray,
+    precision: np.ndarray,
+    chain: SmoothChain,
+    *,
+    open_below: float,
+    slides_below: float,
+    slide_cost: float,
+) -> tuple[SmoothChain, list[int]]:
+    """Which joints turn, slide, or leave it open; those that slide do not turn at all."""
+    turn = np.linalg.norm(chain.twists[:, :3], axis=1) * np.ptp(q, axis=0)
+    kinds = [int(JointKind.TURNS)] * len(turn)
+    for joint in np.argsort(turn, kind="stable"):
+        if turn[joint] >= open_below:
+            break
+        kinds[joint] = int(JointKind.OPEN)
+        if turn[joint] < slides_below:
+            straight = chain.twists.copy()
+            straight[joint, :3] = 0
+            slides = np.array([kind == JointKind.SLIDES for kind in kinds])
+            slides[joint] = True
+            trial = finished(
+                q, precision, SmoothChain(straight, chain.point, np.inf), slides=slides
+            )
+            if trial.criterion - chain.criterion < slide_cost:
+                chain, kinds[joint] = trial, int(JointKind.SLIDES)
+    return chain, kinds
+
+
+def _swap_costs(
+    q: np.ndarray, precision: np.ndarray, order: list[int], chain: SmoothChain
+) -> np.ndarray:
+    """`(L - 1,)` what it costs that neighbours change places."""
+    cost = np.zeros(max(len(order) - 1, 0))
+    for index in range(len(cost)):
+        swapped = np.arange(len(order))
+        swapped[[index, index + 1]] = index + 1, index
+        other = SmoothChain(chain.twists[swapped], chain.point, np.inf)
+        there = finished(q[:, np.array(order)[swapped]], precision, other, _REFITTED)
+        cost[index] = there.criterion - chain.criterion
+    return cost
+
+
+def _spread(
+    q: np.ndarray, precision: np.ndarray, order: list[int], chain: SmoothChain, kinds: list[int]
+) -> np.ndarray:
+    """`(6 J + 3, 6 J + 3)` covariance, for all joints of the readings."""
+    slides = np.array([kind == JointKind.SLIDES for kind in kinds])
+    own = [6 * joint + entry for joint in order for entry in range(6)]
+    own += [6 * q.shape[1] + axis for axis in range(3)]
+    result = np.full((6 * q.shape[1] + 3,) * 2, np.nan)
+    result[np.ix_(own, own)] = spread(q[:, order], precision, chain, slides=slides)
+    return result

@@ -1,0 +1,218 @@
+"""Few touches: a place on the skin is a smooth function of what is felt there.
+
+A label throws away most of what a sensation says. With few touches, places are taken for draws of
+a Gaussian process over sensations: receptors that share in a touch pull its place towards their own
+(the linear part), and touches that feel alike lie beside each other (the rest). Joints are right if
+they make the places as smooth as that. The criterion is that of kernels with the process's
+precision in place of the scatter within kernels: it has no scale, no place and no handedness.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model.chain import derivatives, places
+from selftouch_drake.agent.body_model.refine import gauge
+
+# Shares of receptors are those of readings to this power: less lets weak ones speak too.
+_POWER = 0.7
+# Weight of the part that is not linear, and variance of noise, relative to the linear part.
+_ROUND, _NOISE = 0.1, 0.01
+# A touch far weaker than the median has so many times more noise; at this share of it, a third.
+_WEAK_NOISE, _WEAK = 5.0, 0.3
+# Added to both scatters, relative to the total variance.
+_FLOOR = 1e-9
+# Damping of the finish at first, and how often a step is tried.
+_DAMPING, _MOST_TRIES = 1e-3, 8
+# The finish ends after two steps that gain less.
+_CONVERGED = 1e-5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """Sensations of some touches, as the process compares them.
+
+    Attributes:
+        share: `(n, S)` share of each receptor.
+        noise: `(n,)` variance.
+        scale: of the linear part.
+    """
+
+    share: np.ndarray
+    noise: np.ndarray
+    scale: float
+
+    @staticmethod
+    def of(sensation: csr_array) -> "Sensed":
+        """From `(n, S)` readings."""
+        dense = np.maximum(np.asarray(sensation.toarray(), dtype=float), 0)
+        power = dense**_POWER
+        share = power / np.maximum(power.sum(axis=1, keepdims=True), 1e-30)
+        strongest = dense.max(axis=1)
+        typical = max(float(np.median(strongest)), 1e-30)
+        weak = np.exp(-strongest / (_WEAK * typical))
+        return Sensed(
+            share, _NOISE * (1 + _WEAK_NOISE * weak), max(float((share**2).sum(1).mean()), 1e-30)
+        )
+
+    def some(self, rows: np.ndarray) -> "Sensed":
+        """Some of the touches, on the same scale."""
+        return Sensed(self.share[rows], self.noise[rows], self.scale)
+
+    def covariance(self, other: "Sensed") -> np.ndarray:
+        """`(n, m)` covariance of places, without noise."""
+        linear = self.share @ other.share.T / self.scale
+        one, two = np.sqrt(self.share), np.sqrt(other.share)
+        # Roots of shares are unit vectors: their distance is the angle between sensations.
+        squares = 2 * np.maximum(1 - one @ two.T, 0)
+        return linear + _ROUND * np.exp(-squares / 2)
+
+    def precision(self) -> np.ndarray:
+        """`(n, n)` precision of places with their mean taken out."""
+        noisy = self.covariance(self) + np.diag(self.noise)
+        inverse = scipy.linalg.inv(noisy, check_finite=False)
+        inverse = (inverse + inverse.T) / 2
+        ones = inverse.sum(axis=1)
+        return inverse - np.outer(ones, ones) / ones.sum()
+
+    def predicted(self, place: np.ndarray, other: "Sensed") -> np.ndarray:
+        """`(m, 3)` places of other touches, from the `(n, 3)` places of these."""
+        noisy = self.covariance(self) + np.diag(self.noise)
+        factor = scipy.linalg.cho_factor(noisy, check_finite=False)
+        ones = scipy.linalg.cho_solve(factor, np.ones(len(place)))
+        middle = ones @ place / ones.sum()
+        weight = scipy.linalg.cho_solve(factor, place - middle)
+        return middle + other.covariance(self) @ weight
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothChain:
+    """A chain that makes places smooth.
+
+    Attributes:
+        twists: `(L, 6)` of its joints, for standardised readings.
+        point: `(3,)` of the toucher.
+        criterion: lower is better.
+    """
+
+    twists: np.ndarray
+    point: np.ndarray
+    criterion: float
+
+
+def criterion(place: np.ndarray, precision: np.ndarray) -> float:
+    """Log-determinant of the scatter that is not smooth, less that of the total scatter."""
+    within, total = _scatters(place, precision @ place)
+    return float(np.linalg.slogdet(within)[1] - np.linalg.slogdet(total)[1])
+
+
+def _scatters(place: np.ndarray, applied: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    away = place - place.mean(axis=0)
+    total = away.T @ away / len(place)
+    floor = _FLOOR * np.trace(total) * np.eye(3)
+    within = place.T @ applied / len(place)
+    return (within + within.T) / 2 + floor, total + floor
+
+
+def finished(
+    q: np.ndarray,
+    precision: np.ndarray,
+    chain: SmoothChain,
+    steps: int = 100,
+    *,
+    slides: np.ndarray | None = None,
+) -> SmoothChain:
+    """The chain after a descent with second derivatives (Levenberg and Marquardt).
+
+    Its joints turn or slide: none does both, as a screw would.
+
+    Args:
+        q: `(n, L)` standardised readings of the joints of the chain, in its order.
+        precision: `(n, n)` of the places.
+        chain: where to begin.
+        steps: at most.
+        slides: `(L,)` bool, joints that do not turn; none by default.
+    """
+    twists, point = without_pitch(chain.twists), chain.point.copy()
+    value = criterion(places(q, twists, point), precision)
+    damping, small = _DAMPING, 0
+    for _ in range(steps):
+        gradient, hessian = _equations(q, precision, twists, point)
+        free = _free(twists, slides)
+        gradient, hessian = free.T @ gradient, free.T @ hessian @ free
+        diagonal = np.diag(hessian) + 1e-12 * np.trace(hessian)
+        for _ in range(_MOST_TRIES):
+            step = free @ -np.linalg.solve(hessian + damping * np.diag(diagonal), gradient)
+            trial_twists = without_pitch(twists + step[:-3].reshape(twists.shape))
+            trial_point = point + step[-3:]
+            trial = criterion(places(q, trial_twists, trial_point), precision)
+            if trial < value:
+                break
+            damping *= 5
+        else:
+            break
+        gained, value = value - trial, trial
+        twists, point = trial_twists, trial_point
+        damping = max(damping / 4, 1e-9)
+        small = small + 1 if gained < _CONVERGED else 0
+        if small >= 2:
+            break
+    return SmoothChain(twists, point, value)
+
+
+def spread(
+    q: np.ndarray, precision: np.ndarray, chain: SmoothChain, *, slides: np.ndarray
+) -> np.ndarray:
+    """`(6 L + 3, 6 L + 3)` covariance of twists and point, without the directions of the gauge.
+
+    That of least squares weighted by the process, which is right as far as the process is.
+    """
+    _, hessian = _equations(q, precision, chain.twists, chain.point)
+    free = _free(chain.twists, slides)
+    free = free[:, free.any(axis=0)]
+    of_gauge = free.T @ gauge(chain.twists, chain.point[None])
+    rest = free @ scipy.linalg.null_space(of_gauge.T)
+    return rest @ np.linalg.inv(rest.T @ hessian @ rest) @ rest.T * (2 / len(q))
+
+
+def without_pitch(twists: np.ndarray) -> np.ndarray:
+    """`(L, 6)` twists that turn without sliding along their axes; those that slide stay."""
+    w, v = twists[:, :3], twists[:, 3:]
+    square = (w**2).sum(axis=1, keepdims=True)
+    pitch = (w * v).sum(axis=1, keepdims=True) / np.maximum(square, 1e-12)
+    return np.concatenate([w, v - pitch * w], axis=1)
+
+
+def _free(twists: np.ndarray, slides: np.ndarray | None) -> np.ndarray:
+    """`(6 L + 3, 5 L + 3)` directions in which twists have no pitch, and all of the point."""
+    length = len(twists)
+    free = np.zeros((6 * length + 3, 5 * length + 3))
+    for joint, twist in enumerate(twists):
+        row, column = 6 * joint, 5 * joint
+        if slides is not None and slides[joint]:
+            free[row + 3 : row + 6, column : column + 3] = np.eye(3)
+        else:
+            pitch = np.concatenate([twist[3:], twist[:3]])[None]
+            free[row : row + 6, column : column + 5] = np.linalg.svd(pitch)[2][1:].T
+    free[-3:, -3:] = np.eye(3)
+    return free
+
+
+def _equations(
+    q: np.ndarray, precision: np.ndarray, twists: np.ndarray, point: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient of the criterion by twists and point, and its Gauss-Newton approximation."""
+    place, by_twist, by_point, _ = derivatives(q, twists, point)
+    slope = np.concatenate([by_twist.reshape(len(q), 3, -1), by_point], axis=2)
+    width = slope.shape[2]
+    applied = precision @ place
+    within, total = _scatters(place, applied)
+    inner, outer = np.linalg.inv(within), np.linalg.inv(total)
+    pull = (applied @ inner - (place - place.mean(axis=0)) @ outer) * (2 / len(q))
+    gradient = np.einsum("na,nak->k", pull, slope, optimize=True)
+    smooth = (precision @ slope.reshape(len(q), -1)).reshape(slope.shape)
+    carried = np.einsum("ab,nbk->nak", inner, smooth, optimize=True)
+    hessian = slope.reshape(-1, width).T @ carried.reshape(-1, width) * (2 / len(q))
+    return gradient, (hessian + hessian.T) / 2

@@ -1,0 +1,73 @@
+"""A tree grows from one chain; where little hangs on it, a sharper chain is looked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hand_made_chains import an_arm, touches
+
+from selftouch_drake.agent.body_model import grow
+from selftouch_drake.agent.body_model.fit import Bodies, chain_way
+from selftouch_drake.agent.body_model.refine import Scene
+from selftouch_drake.agent.body_model.structure import Search, order_of
+
+KERNELS = 60
+RIGHT, WRONG = [0, 1, 2, 3, 4, 5], [0, 1, 4, 3, 2, 5]
+
+
+def two_skins():
+    """Touches of a skin before joint 0 of an arm, and of a second one between joints 1 and 2."""
+    twists, point = an_arm(joints=6)
+    q, target, _ = touches(twists, point, number=2000, kernels=KERNELS)
+    near_q, near, _ = touches(twists[2:], point, number=3000, kernels=KERNELS)
+    idle = np.random.default_rng(5).uniform(-1.5, 1.5, (len(near_q), 2))
+    q = np.concatenate([q, np.column_stack([idle, near_q])])
+    target = np.concatenate([target, near + KERNELS])
+    return Scene(q, target, np.repeat([0, 1], KERNELS), {}), twists, point
+
+
+def chain(order, twists, point, loss):
+    return Bodies([[chain_way(order)]], twists[None], point[None, None], np.array([[loss]]))
+
+
+@pytest.mark.parametrize("first", [WRONG, RIGHT])
+def test_another_chain_is_looked_for_where_nothing_hangs_on_the_first(first, monkeypatch):
+    scene, twists, point = two_skins()
+    asked = []
+
+    def chains(search, group, joints):
+        part = int(scene.part[scene.target[group.rows[0]]])
+        asked.append(part)
+        if part == 0:
+            order = first if asked.count(0) == 1 else RIGHT
+            yield chain(order, twists, point, -1.0 if order == WRONG else -2.0)
+
+    monkeypatch.setattr(grow, "found_chains", chains)
+    monkeypatch.setattr(grow, "population", lambda *args, **more: chain(RIGHT, twists, point, -1.0))
+    # Any chain may begin: real ones that do have joints at wrong places that show but little.
+    monkeypatch.setattr(grow, "_SEED", -1.0)
+    search = Search(scene.q.T.astype(np.float32), np.random.default_rng(0))
+    body = grow.grown(search, scene, np.zeros(len(scene.q), dtype=bool), RIGHT)
+    assert body is not None
+    assert sorted(body.links.part) == [0, 1]
+    assert order_of(body.links.way(body.links.part[0], body.links.toucher[0])) == RIGHT
+    assert order_of(body.links.way(body.links.part[1], body.links.toucher[0])) == RIGHT[2:]
+    # Nothing more is looked for where the first chain is right.
+    assert asked.count(0) == (1 if first == RIGHT else 2)
+
+
+def test_a_blunter_chain_does_not_replace_a_sharper_one(monkeypatch):
+    scene, twists, point = two_skins()
+    search = Search(scene.q.T.astype(np.float32), np.random.default_rng(0))
+    grower = grow._Grower(search, scene, np.zeros(len(scene.q), dtype=bool), RIGHT)
+    sharp = grower.chains[0] = chain(RIGHT, twists, point, -2.0)
+    sharper = replace(sharp, loss=np.array([[-2.5]]))
+    for found, kept in (([], sharp), ([chain(RIGHT, twists, point, -1.0)], sharp),
+                        ([sharper, sharp], sharper)):  # fmt: skip
+        monkeypatch.setattr(grow, "found_chains", lambda *args, given=found: given)
+        assert grower.look_again(0) == (kept is sharper)
+        assert grower.chains[0] is kept
+    # A chain that explains too little is not taken, however sharp.
+    bent = chain(WRONG, twists, point, -9.0)
+    monkeypatch.setattr(grow, "found_chains", lambda *args: [bent])
+    assert not grower.look_again(0)
