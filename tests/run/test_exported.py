@@ -212,10 +212,10 @@ def test_the_export_is_an_experiment_that_is_touched_where_the_body_was(run, tmp
     assert again.robot.num_joints == 6
     q = load_representation(run).kernel_q
     # 60 places are the corners of a coarse cube.
-    assert len(again.probe.felt(q)[0]) > 0.5 * len(q)
+    assert len(again.probe.felt_rows(q)[0]) > 0.5 * len(q)
     rng = np.random.default_rng(0)
     anywhere = rng.uniform(*again.robot.babbled_range, size=(5000, 6))
-    assert len(again.probe.felt(anywhere)[0]) < 0.1 * len(anywhere)
+    assert len(again.probe.felt_rows(anywhere)[0]) < 0.1 * len(anywhere)
 
 
 def test_there_is_no_experiment_without_metres_and_depth(run, tmp_path):
