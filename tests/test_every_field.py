@@ -415,6 +415,7 @@ EXEMPT = {
     "skins.NAME.surface.scale": "test_meshes_are_read_in_their_unit below",
     "skins.NAME.receptors.file": "tests/robot/test_receptor_files.py",
     "skins.NAME.receptors.scale": "tests/robot/test_receptor_files.py",
+    "skins.NAME.receptors.part": "tests/robot/test_receptor_files.py",
     "skins.NAME.reading.mode": "tests/robot/test_readings.py",
     "skins.NAME.reading.threshold": "tests/robot/test_readings.py",
     "skins.NAME.reading.hysteresis": "tests/robot/test_readings.py",

@@ -19,7 +19,7 @@ LAYERS = (
     ("sweep", "envs"),
     ("show",),
     ("run",),
-    ("evaluation", "calibration"),
+    ("evaluation", "calibration", "export"),
     ("bodies",),
     ("systems",),
     ("experience",),

@@ -1,4 +1,4 @@
-"""The command that shows the body model of a run."""
+"""The command that shows the body model of a run, and takes it home as files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +17,46 @@ _WIDE = 160
 
 @click.command()
 @RUN
-def model(run: Path) -> None:
-    """Print what the agent of RUN found out about its joints.
+@click.option(
+    "--urdf",
+    "files",
+    type=click.Path(path_type=Path, dir_okay=False),
+    multiple=True,
+    metavar="FILE",
+    help="Write the body to FILE, as URDF; as SDFormat or MJCF if it ends in .sdf or .xml. May be "
+    "given again.",
+)
+@click.option(
+    "--length",
+    type=(str, str, float),
+    metavar="JOINT JOINT METRES",
+    help="A known length: how far apart the axes of two joints are.",
+)
+@click.option(
+    "--distance",
+    type=(str, str, float),
+    metavar="RECEPTOR RECEPTOR METRES",
+    help="A known length: how far apart two receptors on one link are, in a straight line.",
+)
+@click.option(
+    "--depth",
+    type=float,
+    metavar="METRES",
+    help="How deep under the surface of the skin the centre of the toucher passes; negative if it "
+    "stays outside, as that of a ball on a hard skin does.",
+)
+@click.option("--mirror", is_flag=True, help="Write the mirror image.")
+@click.option("--rejected", is_flag=True, help="Write parts that were rejected as well.")
+def model(
+    run: Path,
+    files: tuple[Path, ...],
+    length: tuple[str, str, float] | None,
+    distance: tuple[str, str, float] | None,
+    depth: float | None,
+    mirror: bool,
+    rejected: bool,
+) -> None:
+    """Print the joints that the agent found, or export its body.
 
     RUN is a run directory that has learned.
 
@@ -39,11 +77,44 @@ def model(run: Path) -> None:
                     a part is accepted above 85 %
 
     A run begun with `--set '{representation: {body_model: off}}'` does not ask.
+
+    With --urdf the model is written as a robot for Drake, MuJoCo, PyBullet and others, and nothing
+    else is printed. Touch tells no length: give one, or the unit is arbitrary. It does not tell a
+    body from its mirror image either: if the robot in the file is the wrong one, give --mirror.
+
+    \b
+    selftouch model runs/cube --urdf cube.urdf --length shoulder_pitch elbow_pitch 0.4
+    selftouch model runs/cube --urdf cube.xml --urdf cube.sdf --distance body[3] body[40] 0.25
+
+    \b
+    FILE                  links part_0, ... wear skin; toucher_0, ... are where it is touched from
+    STEM_joints.csv       reading q of the robot is scale * q + offset in FILE, with limits there,
+                          from experience, and the standard error of the scale
+    STEM_receptors.csv    place, normal and standard error of each receptor, on its part
+    STEM_part_0.obj       the surface of a part; .stl and .ply hold the same
+    STEM_experiment.yaml  an experiment with this robot, if length and depth are given
     """  # noqa: D301 - click keeps the lines after a \b as they are
     from selftouch_drake.run.artifacts import load_body_model
     from selftouch_drake.run.directory import RunDirectory
 
-    _print_model(load_body_model(RunDirectory.open(run)))
+    opened = RunDirectory.open(run)
+    if not files:
+        given = {
+            "--length": length is not None,
+            "--distance": distance is not None,
+            "--depth": depth is not None,
+            "--mirror": mirror,
+            "--rejected": rejected,
+        }
+        for option in (name for name, is_given in given.items() if is_given):
+            raise click.UsageError(f"{option} is given without --urdf; name the file to write")
+        _print_model(load_body_model(opened))
+        return
+    from selftouch_drake.run.exported import Known, export_model
+
+    known = Known(length=length, distance=distance, depth=depth, mirror=mirror)
+    for line in export_model(opened, files, known, rejected=rejected):
+        click.echo(line)
 
 
 def _print_model(found: "BodyModel") -> None:

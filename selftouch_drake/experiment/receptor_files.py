@@ -1,9 +1,10 @@
 """Places of receptors as files give them: .csv, .txt, .npz or .pcd.
 
 Columns have names: x, y and z; nx, ny and nz, the outward normal; width, the radius of the
-receptive field; group, of receptors that share a reading; and name. A text without names has the
-first 3, 6 or 7 of them. In the files of YARP's skin, rows of zeros stand for no receptor, and
-normals are placeholders.
+receptive field; group, of receptors that share a reading; part, of the body; and name. A text
+without names has the first 3, 6 or 7 of them. Tables of `selftouch model` and `selftouch map` have
+rows of receptors that were never met, without a part: these are left out. In the files of YARP's
+skin, rows of zeros stand for no receptor, and normals are placeholders.
 """
 
 import csv
@@ -68,17 +69,22 @@ class ReceptorTable:
         return f"row {named}" + (f" and {more} more" if more > 0 else "")
 
 
-def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
-    """Reads a file; `scale` is metres per unit of its lengths.
+def read_receptors(file: str, scale: float = 1.0, part: int | None = None) -> ReceptorTable:
+    """Reads a file.
+
+    Args:
+        file: its path.
+        scale: metres per unit of its lengths.
+        part: of the body, whose receptors are wanted; None if there is only one.
 
     Raises:
         ValueError: it cannot be read or lacks a column; a number is not finite; two receptors are
-            at one place, or there are fewer than four.
+            at one place, there are fewer than four, or they are of several parts.
     """
     if (read := _READERS.get(Path(file).suffix)) is None:
         raise ValueError(f"{file} has none of the endings {', '.join(_READERS)}; give one of these")
     try:
-        table = _table_of(dict(read(Path(file))), scale)
+        table = _table_of(_of_one_part(dict(read(Path(file))), part), scale)
         _check(table)
     except OSError as error:
         raise ValueError(f"{file} cannot be read: {error.strerror or error}") from None
@@ -87,6 +93,29 @@ def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
     except ValueError as error:
         raise ValueError(f"{file} {' '.join(str(error).split())}") from None
     return table
+
+
+def _of_one_part(columns: dict[str, Any], part: int | None) -> dict[str, Any]:
+    """The rows of one part, without those of receptors that were never met.
+
+    Raises:
+        ValueError: several parts are there and none is named, or there is no such part.
+    """
+    if "receptor" in columns:  # so a map calls their names
+        columns.setdefault("name", columns.pop("receptor"))
+    if "part" not in columns:
+        if part is not None:
+            raise ValueError(f"has no column part, but part is {part}; leave it out")
+        return columns
+    parts = [str(cell).strip() for cell in columns["part"]]
+    known = sorted({cell for cell in parts if cell}, key=lambda cell: (len(cell), cell))
+    if part is None and len(known) > 1:
+        raise ValueError(f"has receptors of parts {', '.join(known)}; give one of them as part")
+    if part is not None and str(part) not in known:
+        raise ValueError(f"has no receptors of part {part}, but of {', '.join(known) or 'none'}")
+    wanted = str(part) if part is not None else "".join(known)
+    kept = [row for row, cell in enumerate(parts) if cell and cell == wanted]
+    return {name: [column[row] for row in kept] for name, column in columns.items()}
 
 
 def _table_of(columns: Mapping[str, Any], scale: float) -> ReceptorTable:

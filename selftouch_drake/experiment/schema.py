@@ -257,10 +257,13 @@ class ReceptorFile(Settings):
     file: Annotated[Text, that(is_printable, "give the path of a file")]
     # Metres per unit of the file; 0.001 for millimetres.
     scale: Positive = 1.0
+    # Of a file with a column part, as `selftouch model --urdf` and `selftouch map` write them: the
+    # part whose receptors the skin has. May be left out if there is one part only.
+    part: Annotated[Whole, Field(ge=0)] | None = None
 
     def read(self) -> ReceptorTable:
         """The receptors; raises a ValueError that begins with the file if it cannot be read."""
-        return read_receptors(self.file, self.scale)
+        return read_receptors(self.file, self.scale, self.part)
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)

@@ -8,6 +8,7 @@ import yaml
 from commands import selftouch
 
 from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment.schema import ReceptorFile
 from selftouch_drake.geometry.receptors import placed_fields
 from selftouch_drake.geometry.surfaces import ellipsoid, sphere
 from selftouch_drake.robot import World
@@ -154,6 +155,41 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, name, conte
     (tmp_path / name).write_text(content)
     line = mistake(tmp_path, str(tmp_path / name))
     assert line == f"selftouch: skins.body.receptors HERE/{name} {says}"
+
+
+#: As `selftouch model` writes it, and with the columns that `selftouch map` has.
+TAXELS = "name,part,x,y,z\n" + "".join(
+    f"t{n},{part},{x},{y},{z}\n" for n, (x, y, z) in enumerate(on_sphere(24)) for part in [n % 2]
+).replace("t7,1", "t7,").replace("t5,1", "t5,")
+MAP = TAXELS.replace("name,part", "receptor,part")
+
+
+@pytest.mark.parametrize("text", [TAXELS, MAP])
+def test_a_table_of_taxels_has_parts_and_receptors_that_were_never_met(tmp_path, text):
+    file = tmp_path / "taxels.csv"
+    file.write_text(text)
+    first, second = (ReceptorFile(file=str(file), part=part).read() for part in (0, 1))
+    np.testing.assert_allclose(first.p_LS, on_sphere(24)[::2])
+    met = [n for n in range(1, 24, 2) if n not in (5, 7)]
+    np.testing.assert_allclose(second.p_LS, on_sphere(24)[met])
+    assert second.those([0, 2]) == "row 3 (t1), 11 (t9)"  # rows as in the file
+    alone = tmp_path / "alone.csv"
+    alone.write_text("\n".join(line for line in text.splitlines() if ",0," not in line))
+    np.testing.assert_allclose(ReceptorFile(file=str(alone)).read().p_LS, second.p_LS)
+
+
+def test_a_part_that_is_not_in_the_table_is_refused(tmp_path):
+    file = tmp_path / "taxels.csv"
+    file.write_text(TAXELS)
+    for given, says in [
+        ({}, "has receptors of parts 0, 1; give one of them as part"),
+        ({"part": 2}, "has no receptors of part 2, but of 0, 1"),
+    ]:
+        line = mistake(tmp_path, {"file": str(file)} | given)
+        assert line == f"selftouch: skins.body.receptors HERE/taxels.csv {says}"
+    plain = saved(tmp_path / "plain.csv", on_sphere(9))
+    line = mistake(tmp_path, {"file": plain, "part": 0})
+    assert line.endswith("plain.csv has no column part, but part is 0; leave it out")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

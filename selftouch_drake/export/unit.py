@@ -1,0 +1,198 @@
+"""Metres for a body model: touch tells no length, so one has to be known."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
+from selftouch_drake.experiment.errors import closest
+
+# cos of the angle up to which two axes count as parallel: ten degrees, as in the help.
+_PARALLEL = np.cos(np.radians(10.0))
+# A length below so many of its standard errors may be nothing at all.
+_LEAST_ERRORS = 3.0
+# Of the extent of the skin. Below it a length is nothing, whatever its standard error is.
+_LEAST_SHARE = 1e-3
+# For derivatives by differences, relative to entries of a twist, which are near 1.
+_STEP = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """What one unit of length of a model is.
+
+    Attributes:
+        metres: of one unit; 1 if nothing is known, and then lengths stay in the model's unit.
+        sigma: standard error of `metres`; NaN if nobody knows it.
+        known: whether `metres` are metres.
+        source: the known length, in words; empty if there is none.
+    """
+
+    metres: float = 1.0
+    sigma: float = np.nan
+    known: bool = False
+    source: str = ""
+
+    def text(self) -> str:
+        """In a sentence without a dash, which comments of XML could not hold."""
+        if not self.known:
+            return "lengths are in an arbitrary unit, because no length of the body is known"
+        error = "unknown" if np.isnan(self.sigma) else f"{self.sigma / self.metres:.2g}"
+        return (
+            f"lengths are in metres, because {self.source}; relative standard error of the scale: "
+            f"{error}"
+        )
+
+
+def unit_from_joints(model: BodyModel, first: str, second: str, metres: float) -> Unit:
+    """The unit, from the distance between the axes of two joints where all joints read 0.
+
+    If the axes are within ten degrees of parallel, it is the distance across their mean direction;
+    else the shortest one. Its standard error takes errors of twists as independent.
+
+    Args:
+        model: in its own unit.
+        first: name of a joint that turns.
+        second: name of another one.
+        metres: the true distance.
+
+    Raises:
+        ValueError: there is no such joint, one does not turn, or the axes meet.
+    """
+    _require_length(metres)
+    if first == second:
+        raise ValueError(f"--length names joint {first} twice; name two joints")
+    joints = [_turning_joint(model, name) for name in (first, second)]
+    twists, sigma = model.twists[joints], model.twist_sigma[joints]
+    apart = _axes_apart(twists)
+    error = _propagated(_axes_apart, twists, sigma)
+    if apart < max(_LEAST_SHARE * extent(model), _LEAST_ERRORS * np.nan_to_num(error)):
+        raise ValueError(
+            f"--length: the axes of {first} and {second} meet, or nearly so: they are {apart:.2g} "
+            f"± {error:.1g} units apart; name two joints whose axes are farther apart"
+        )
+    return Unit(
+        metres=metres / apart,
+        sigma=metres / apart * error / apart,
+        known=True,
+        source=f"the axes of {first} and {second} are {metres:g} m apart where all joints read 0",
+    )
+
+
+def unit_from_receptors(
+    model: BodyModel, names: Sequence[str], first: str, second: str, metres: float
+) -> Unit:
+    """The unit, from the distance in a straight line between two receptors on one link.
+
+    Args:
+        model: in its own unit.
+        names: `(S,)` names of the receptors; numbers in the order of the readings are understood
+            too.
+        first: name of a receptor.
+        second: name of another one.
+        metres: the true distance.
+
+    Raises:
+        ValueError: there is no such receptor, one was never met, they are on different links, or
+            too near to each other.
+    """
+    _require_length(metres)
+    receptors = [_met_receptor(model, names, name) for name in (first, second)]
+    if receptors[0] == receptors[1]:
+        raise ValueError(f"--distance names receptor {first} twice; name two receptors")
+    links = model.part_link[model.receptor_part[receptors]]
+    if links[0] != links[1] or links[0] == UNUSED:
+        raise ValueError(
+            f"--distance: receptors {first} and {second} are on different links, so their distance "
+            "changes; name two on one link"
+        )
+    apart = float(np.linalg.norm(np.subtract(*model.receptor_place[receptors])))
+    # The standard error of a place is that of three coordinates; one of them counts.
+    error = float(np.sqrt(np.square(model.receptor_sigma[receptors]).sum() / 3.0))
+    if apart < max(_LEAST_SHARE * extent(model), _LEAST_ERRORS * np.nan_to_num(error)):
+        raise ValueError(
+            f"--distance: receptors {first} and {second} are {apart:.2g} ± {error:.1g} units apart,"
+            " too near to give a scale; name two that are farther apart"
+        )
+    return Unit(
+        metres=metres / apart,
+        sigma=metres / apart * error / apart,
+        known=True,
+        source=f"receptors {first} and {second} are {metres:g} m apart",
+    )
+
+
+def extent(model: BodyModel) -> float:
+    """Diagonal of the box round the largest part of the skin, in the model's unit."""
+    found = [0.0]
+    for part in range(len(model.part_link)):
+        place = model.kernel_place[model.kernel_part == part]
+        known = place[np.isfinite(place).all(axis=1)]
+        if len(known):
+            found.append(float(np.linalg.norm(np.ptp(known, axis=0))))
+    return max(found) or 1.0
+
+
+def _require_length(metres: float) -> None:
+    if not (np.isfinite(metres) and metres > 0):
+        raise ValueError(f"the known length is {metres:g} m; give a positive number of metres")
+
+
+def _turning_joint(model: BodyModel, name: str) -> int:
+    if name not in model.joint_names:
+        hint = closest(name, model.joint_names) or f"joints: {', '.join(model.joint_names)}"
+        raise ValueError(f"--length names joint {name!r}, which the robot does not have; {hint}")
+    joint = model.joint_names.index(name)
+    if not model.used[joint]:
+        raise ValueError(
+            f"--length: joint {name} is of no use to the model, which knows no axis of it; name "
+            "another"
+        )
+    if not model.twists[joint, :3].any():
+        raise ValueError(
+            f"--length: joint {name} slides, so its axis has no place; name two joints that turn"
+        )
+    return joint
+
+
+def _met_receptor(model: BodyModel, names: Sequence[str], name: str) -> int:
+    if name in names:
+        found = list(names).index(name)
+    elif name.isdecimal() and int(name) < len(names):
+        found = int(name)
+    else:
+        hint = closest(name, names) or f"give a number from 0 to {len(names) - 1}"
+        raise ValueError(f"--distance names receptor {name!r}, which is not there; {hint}")
+    if not np.isfinite(model.receptor_place[found]).all():
+        raise ValueError(f"--distance: receptor {name} was never met; name another")
+    return found
+
+
+def _axes_apart(twists: np.ndarray) -> float:
+    """Distance between the axes of two `(2, 6)` turns."""
+    w, v = twists[:, :3], twists[:, 3:]
+    along = w / np.linalg.norm(w, axis=1, keepdims=True)
+    # The point of each axis that is nearest to the origin.
+    foot = np.cross(w, v) / np.square(w).sum(axis=1, keepdims=True)
+    between = foot[1] - foot[0]
+    cosine = along[0] @ along[1]
+    if abs(cosine) >= _PARALLEL:
+        mean = along[0] + np.sign(cosine) * along[1]
+        mean /= np.linalg.norm(mean)
+        return float(np.linalg.norm(between - (between @ mean) * mean))
+    normal = np.cross(*along)
+    return float(abs(between @ normal) / np.linalg.norm(normal))
+
+
+def _propagated(
+    measure: Callable[[np.ndarray], float], values: np.ndarray, sigma: np.ndarray
+) -> float:
+    """Standard error of a measure of values whose errors are independent; NaN if one is unknown."""
+    squares = []
+    for index in np.ndindex(values.shape):
+        step = np.zeros(values.shape)
+        step[index] = _STEP
+        slope = (measure(values + step) - measure(values - step)) / (2 * _STEP)
+        squares.append((slope * float(sigma[index])) ** 2)
+    return float(np.sqrt(sum(squares)))
