@@ -20,7 +20,16 @@ from selftouch_drake.cli.stages import progress_bar
     "joint.",
 )
 @click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
-@click.option("--time", metavar="COLUMN", help="Seconds, to compute the speeds of the joints.")
+@click.option(
+    "--time",
+    metavar="COLUMN",
+    help="Times or dates, for the speeds of the joints; none for no time.",
+)
+@click.option(
+    "--time-unit",
+    type=click.Choice(["s", "ms", "us", "ns"]),
+    help="Unit of the times.  [default: as their name or size says]",
+)
 @click.option(
     "--rows",
     metavar="COLUMN=VALUE",
@@ -66,9 +75,9 @@ def import_data(
 ) -> None:
     """Begin a run with data recorded by another robot.
 
-    DATA is a Parquet, CSV or NPZ file, or a folder of them, with joint positions and raw readings
-    of the skin in each row. `learn`, `plan`, `live` and `report` work on such a run; `execute` and
-    `evaluate` need a body of your own, with --body.
+    DATA is a CSV, TSV, Parquet, Feather, NPZ or MAT file, or a folder of them or of NPY files, with
+    joint positions and raw readings of the skin in each row. `learn`, `plan`, `live` and `report`
+    work on such a run; `execute` and `evaluate` need a body of your own, with --body.
     """
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory
