@@ -81,6 +81,7 @@ def import_data(
     """
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.import_summary import summary
     from selftouch_drake.run.naming import default_path
 
     read = imported.read_data(data, **how)
@@ -90,7 +91,7 @@ def import_data(
     directory = RunDirectory.create(out or default_path(experiment.name, overrides), experiment)
     with directory.writing():
         imported.store(directory, read)
-    for line in imported.summary(read, experiment):
+    for line in summary(read, experiment):
         click.echo(line)
     click.echo(f"run: {directory.path}")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from selftouch_drake.agent.readings.faults import turned_steps
 from selftouch_drake.experience.columns import numbers_in, plain, read_columns, words_in
 from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.times import Times, in_order, in_seconds, joined_counts
@@ -65,6 +66,8 @@ class Recording:
         left_out: why rows were left out, besides incomplete ones, and how many for each reason.
         time_from: the column of times and what it holds; empty without times.
         num_gaps: number of pauses in time.
+        turn: `(J,)` turn after which a joint's reading begins again, in its unit; 0 if it does not.
+            None as long as nobody asked.
     """
 
     q: np.ndarray
@@ -81,6 +84,12 @@ class Recording:
     left_out: Mapping[str, int] = field(default_factory=dict)
     time_from: str = ""
     num_gaps: int = 0
+    turn: np.ndarray | None = None
+
+    @property
+    def follows(self) -> np.ndarray:
+        """`(n - 1,)` bool, whether the next row belongs to the same piece of motion."""
+        return np.diff(self.piece) == 0
 
     def without(self, rows: np.ndarray, reason: str) -> "Recording":
         """The recording without some rows, `(n,)` bool, and the reason."""
@@ -101,8 +110,9 @@ class Recording:
     def speeds(self) -> np.ndarray:
         """`(m, J)` per second, between successive rows of a piece; none without time."""
         dt = np.zeros(max(len(self.q) - 1, 0)) if self.time_s is None else np.diff(self.time_s)
-        follows = (np.diff(self.piece) == 0) & (dt > 0)
-        return np.abs(np.diff(self.q.astype(float), axis=0)[follows]) / dt[follows, None]
+        follows = self.follows & (dt > 0)
+        turn = np.zeros(self.q.shape[1]) if self.turn is None else self.turn
+        return turned_steps(self.q, turn)[follows] / dt[follows, None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
