@@ -94,11 +94,17 @@ def _by_name(
 
 
 def _loose_arrays(files: Sequence[Path]) -> dict[str, Column]:
-    """The array of each `.npy` file, by the name of the file without its ending."""
+    """The array of each `.npy` file, by its name without what all begin with, as in `walk1_q`."""
     found: dict[str, Column] = {}
+    beginning = ""
+    if len(files) > 1:
+        least, most = min(path.stem for path in files), max(path.stem for path in files)
+        alike = [one == other for one, other in zip(least, most, strict=False)]
+        common = least[: alike.index(False)] if False in alike else least
+        beginning = common[: common.rfind("_") + 1]
     for path in files:
         try:
-            found[path.stem] = np.load(path, allow_pickle=False)
+            found[path.stem.removeprefix(beginning)] = np.load(path, allow_pickle=False)
         # For truncated, damaged and foreign files, numpy raises a dozen kinds of errors.
         except Exception as error:
             reason = " ".join(str(error).split())[:200].rstrip(".")
@@ -107,7 +113,7 @@ def _loose_arrays(files: Sequence[Path]) -> dict[str, Column]:
 
 
 def _matlab_arrays(path: Path) -> dict[str, Column]:
-    """The arrays of a MATLAB file; those in a struct have names such as `data.q`."""
+    """The arrays of a MATLAB file; those in one of several structs have names such as `data.q`."""
     from scipy.io import loadmat  # no other run needs it
 
     try:
@@ -120,7 +126,10 @@ def _matlab_arrays(path: Path) -> dict[str, Column]:
     except Exception as error:
         reason = " ".join(str(error).split())[:200].rstrip(".")
         raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
-    return _flat({name: value for name, value in content.items() if not name.startswith("__")})
+    content = {name: value for name, value in content.items() if not name.startswith("__")}
+    while len(content) == 1 and isinstance(inner := next(iter(content.values())), Mapping):
+        content = dict(inner)
+    return _flat(content)
 
 
 def _flat(content: Mapping[str, Any], under: str = "") -> dict[str, Column]:

@@ -28,6 +28,8 @@ _HEAD = 262_144
 _COMMENTS = ("#", "%")
 _NUMBER = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
 _DECIMAL_COMMA = r"\s*[-+]?\d+(,\d+)?([eE][-+]?\d+)?\s*"
+# A decimal point, in a number or a list of numbers; dates have others.
+_POINT = r"(^|[\s\[(,;])[-+]?\d+\.\d"
 _DATE = r"\s*\d{2,4}[-/.]\d{1,2}[-/.]\d{1,4}.*|\s*\d{1,2}:\d{2}(:\d{2}.*)?"
 # How programs write that a number is missing.
 _MISSING = (
@@ -233,7 +235,7 @@ def _mended(table: pa.Table) -> tuple[list[pa.ChunkedArray], tuple[str, ...]]:
     """
     texts = [column for column in table.columns if pa.types.is_string(column.type)]
     points = any(pa.types.is_floating(column.type) for column in table.columns) or any(
-        pc.any(pc.match_substring_regex(column, r"\d\.\d")).as_py() for column in texts
+        pc.any(pc.match_substring_regex(column, _POINT)).as_py() for column in texts
     )
     columns, notes = [], []
     for column in table.columns:

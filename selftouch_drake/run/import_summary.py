@@ -167,9 +167,7 @@ def _odd_readings(data: Data) -> Iterator[str]:
     end = readings.max() if felt.baseline.rising else readings.min()
     at_end = (readings[felt.rows] == end).any(axis=1)
     if at_end.mean() > _SATURATED and len(np.unique(readings[felt.rows[:1000]])) > 8:
-        yield (
-            f"readings end at {end:g} in {at_end.sum():,} touches, as of a saturated skin: press less"
-        )
+        yield (f"readings end at {end:g} in {at_end.sum():,} touches, as if saturated: press less")
     share = len(felt.rows) / max(len(readings), 1)
     if not _TOUCHING[0] <= share <= _TOUCHING[1]:
         yield f"{100 * share:.3g} % of the rows touch: check resting level and --threshold"

@@ -66,7 +66,7 @@ def _without_marks(recording: Recording) -> Recording:
     if rows.mean() > 0.5:
         raise RecordingError(
             f"{rows.sum():,} of {len(rows):,} rows hold {shown}, which no other number is near, as "
-            "if it stood for a missing one; leave the columns that have it out of --q or --sensation"
+            "if it stood for a missing one; leave its columns out of --q or --sensation"
         )
     found = replace(recording, readings=readings, notes=tuple(notes))
     return found.without(rows, f"{shown} stands for a missing number")

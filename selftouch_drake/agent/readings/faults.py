@@ -19,15 +19,18 @@ _MARK_SHARE, _MARK_TIMES, _MARK_VALUES = 0.2, 2, 8
 #: Rows after which a joint that jumped away is back, if that was a fault.
 _BRIEF = 3
 #: A jump is this share of the range of a joint, and so many of its usual steps.
-_JUMP_SHARE, _JUMP_STEPS = 0.25, 20.0
+_JUMP_SHARE, _JUMP_STEPS = 0.25, 8.0
+#: A row of zeros is no posture if the joints are so many usual steps away before and after it.
+_ZERO_STEPS = 3.0
 #: Share of the runs of equal rows that have the usual length, if values are held at a fixed rate.
 _AT_A_RATE = 0.8
 #: Correlation of a joint's steps with another column, if that is its velocity.
 _VELOCITY = 0.9
 #: Receptors feel in company if their fields overlap: share of the rows, of a typical receptor.
 _COMPANY = 0.8
-#: A loose contact has this many times the touches of a typical receptor, in this share of the rows.
-_LOOSE_TIMES, _LOOSE_SHARE = 2.0, 0.01
+#: A loose contact has more touches than a typical receptor, in at least this share of the rows, and
+#: lacks company so many times as often.
+_LOOSE_SHARE, _LOOSE_ALONE = 0.01, 3.0
 #: Rows from which values are sampled.
 _SAMPLE = 20_000
 _BLOCK = 8192
@@ -92,10 +95,17 @@ def lost_rows(readings: np.ndarray, row: np.ndarray, level: np.ndarray) -> np.nd
         return np.zeros(len(readings), dtype=bool)
     if np.quantile(others, 0.99) < _ORDINARY:
         return full
-    # Touches press most of this skin; one value everywhere, for a moment, is still no touch.
-    beside = np.append(full[1:], False) | np.append(False, full[:-1])
+    # Touches press most of this skin. What comes at once, in one value everywhere or in the same
+    # values as before, and goes at once, is still no touch.
+    rows = np.flatnonzero(full)
+    _, which = np.unique(readings[rows], axis=0, return_inverse=True)
+    starts = np.insert(np.diff(rows) > 1, 0, True)
+    again = np.bincount(which.ravel(), weights=starts)[which.ravel()] > 1
+    same = np.zeros(len(readings), dtype=bool)
+    same[rows] = constant[rows] | again
+    beside = (np.append(full[1:] & ~same[1:], False)) | np.append(False, full[:-1] & ~same[:-1])
     several = len(np.unique(readings[sample])) > _MARK_VALUES
-    return full & constant & ~beside & (moves.sum() >= 6) & several
+    return same & ~beside & (moves.sum() >= 6) & several
 
 
 def jumping_rows(q: np.ndarray, follows: np.ndarray, period: np.ndarray) -> np.ndarray:
@@ -112,11 +122,18 @@ def jumping_rows(q: np.ndarray, follows: np.ndarray, period: np.ndarray) -> np.n
     steps = turned_steps(q, period)
     usual = np.array([np.median(s[s > 0]) if (s > 0).any() else 0.0 for s in steps.T])
     low, high = np.quantile(q, [0.02, 0.98], axis=0)
+    zeros = (q == 0).all(axis=1)
+    if 0 < zeros.sum() < _SELDOM * len(q) and q.shape[1] > 1:
+        far = (steps > _ZERO_STEPS * usual).any(axis=1) & (zeros[1:] != zeros[:-1])
+        edges = np.flatnonzero(np.diff(zeros.astype(int), prepend=0, append=0))
+        for start, end in zip(edges[::2], edges[1::2], strict=True):
+            before, after = start == 0 or far[start - 1], end == len(q) or far[end - 1]
+            wrong[start:end] = before and after and end - start <= _BRIEF
     limit = np.maximum(_JUMP_SHARE * (high - low), _JUMP_STEPS * usual)
     for joint in np.flatnonzero(high > low):
         jumps = np.flatnonzero((steps[:, joint] > limit[joint]) & follows)
         for away, back in pairwise(jumps.tolist()):
-            if back - away > _BRIEF or wrong[away]:
+            if back - away > _BRIEF or wrong[away] or wrong[back + 1]:
                 continue
             apart = np.abs(q[away, joint] - q[back + 1, joint])
             if period[joint]:
@@ -222,7 +239,8 @@ def loose_contacts(felt: np.ndarray, num_rows: int) -> np.ndarray:
     # How often something is felt elsewhere, whatever a receptor itself feels.
     elsewhere = ((num_felt[:, None] - felt) > 0).sum(axis=0) / num_rows
     by_chance = (company > 0.5 * elsewhere) & (company < 0.75 * elsewhere + 0.25)
-    often = (counts > _LOOSE_TIMES * typical) & (counts > _LOOSE_SHARE * num_rows)
+    by_chance &= 1.0 - company > _LOOSE_ALONE * (1.0 - np.median(company[alive]))
+    often = (counts > typical) & (counts > _LOOSE_SHARE * num_rows)
     found = alive & often & by_chance
     return found if found.sum() < 0.2 * alive.sum() else np.zeros_like(found)
 
