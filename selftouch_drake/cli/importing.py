@@ -103,6 +103,8 @@ def import_data(
 )
 @click.option("--q", metavar="COLUMNS", help="Joint positions, as in `selftouch import`.")
 @click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
+@click.option("--time", metavar="COLUMN", help="Times, likewise.")
+@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Likewise.")
 @click.option("--rows", metavar="COLUMN=VALUE", multiple=True, help="Rows to read, likewise.")
 @click.option("--offset", type=float, help="Reading of a receptor at rest, likewise.")
 @click.option("--threshold", type=float, help="Smallest reading that counts, likewise.")

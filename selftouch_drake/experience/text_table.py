@@ -196,7 +196,7 @@ def _rows(path: Path, source: io.IOBase, form: _Form, *, quotes: bool) -> tuple[
         table = pyarrow.csv.read_csv(
             source,
             read_options=pyarrow.csv.ReadOptions(
-                column_names=[str(number) for number in range(len(form.names))], use_threads=False
+                column_names=[str(number) for number in range(len(form.names))]
             ),
             # A cell in quotes may hold an array that was printed over several lines.
             parse_options=pyarrow.csv.ParseOptions(

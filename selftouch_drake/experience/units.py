@@ -38,21 +38,21 @@ class Named:
 
     @property
     def kind(self) -> str:
-        """What values are turned to: rad, m, s, velocity, effort, or empty."""
-        return UNITS[self.unit][0] if self.unit else ""
+        """What values are turned to: rad, m, s, velocity, effort; empty if that is not known."""
+        return UNITS.get(self.unit, ("", 1.0))[0]
 
     @property
     def factor(self) -> float:
         """By which values are multiplied to be in `kind`."""
-        return UNITS[self.unit][1] if self.unit else 1.0
+        return UNITS.get(self.unit, ("", 1.0))[1]
 
 
 def named(column: str) -> Named:
     """Splits the name of a column into name and unit."""
-    for pattern in (_BRACKETS, _ENDING):
-        found = pattern.match(column)
-        if found and found[1] and (unit := found[2].lower()) in UNITS:
-            return Named(bare=found[1], unit=unit)
+    if (found := _BRACKETS.match(column)) and found[1] and not re.search(r"\d", found[2]):
+        return Named(bare=found[1], unit=found[2].lower())
+    if (found := _ENDING.match(column)) and found[1]:
+        return Named(bare=found[1], unit=found[2].lower())
     return Named(bare=column, unit="")
 
 

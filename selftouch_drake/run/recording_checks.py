@@ -6,8 +6,10 @@ import numpy as np
 
 from selftouch_drake.agent.readings.baseline import are_successive
 from selftouch_drake.agent.readings.faults import (
+    frozen_rows,
     held_every,
     jumping_rows,
+    lost_boards,
     marks_of_nothing,
     velocities,
 )
@@ -23,6 +25,7 @@ def without_faults(recording: Recording) -> Recording:
         RecordingError: hardly anything would be left.
     """
     found = _without_marks(recording)
+    found = found.without(lost_boards(found.readings), "a part of the skin is lost at once")
     found = _without_velocities(found)
     follows = found.follows
     found = replace(found, turn=wrapping(found.q, follows))
@@ -33,6 +36,8 @@ def without_faults(recording: Recording) -> Recording:
             found = found.without(jumps, "a joint jumps away and back")
         found = _without_held(found, "skin", found.readings, found.q)
         found = _without_held(found, "joints", found.q, found.readings)
+        frozen = frozen_rows(found.readings, found.q, found.follows)
+        found = found.without(frozen, "the skin stands still for a while, and the joints move")
     return found
 
 

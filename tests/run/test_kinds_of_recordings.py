@@ -139,6 +139,10 @@ def changed(lines, kind):
         ],
         "columns the other way round": [",".join(line.split(",")[::-1]) for line in lines],
         "a column twice": [f"{line},{line.split(',')[0]}" for line in lines],
+        "units of pressure": [
+            header.replace("taxel_0", "taxel_0 [kPa]").replace("taxel_1,", "taxel_1 (N),"),
+            *rows,
+        ],
         "an index first": [f",{header}", *(f"{n},{row}" for n, row in enumerate(rows))],
         "other columns": [
             f"note,{header},q_vel_0,temperature",
@@ -156,6 +160,7 @@ CHANGES = (
     *("blanks in the header", "blanks everywhere", "capitals", "brackets", "commas at the end"),
     *("commas at the end of rows", "units in the header", "a row of units"),
     *("columns the other way round", "a column twice", "an index first", "other columns"),
+    "units of pressure",
 )
 
 
@@ -523,6 +528,31 @@ def test_lost_packets_are_left_out_and_counted(falling, value, good, raw, tmp_pa
     assert data.felt.baseline.rising is not falling
     expected = np.setdiff1d(clean.felt.rows, lost)
     assert abs(len(data.felt.rows) - len(expected)) < 0.02 * len(expected)
+
+
+@pytest.mark.parametrize("end", [0, 255])
+def test_a_lost_board_of_the_skin_is_left_out_and_counted(end, good, raw, tmp_path):
+    rng = np.random.default_rng(6)
+    lost = np.sort(rng.permutation(NUM_ROWS)[:40])
+    readings = raw.copy()
+    readings[np.ix_(lost, np.arange(10, 22))] = end
+    data = found_in(tmp_path / "a.npz", good.q, readings)
+    assert len(data.recording.q) == NUM_ROWS - 40
+    assert "left out: 40 rows: a part of the skin is lost at once" in said(data)
+
+
+def test_a_skin_that_freezes_is_left_out_and_counted(good, raw, tmp_path):
+    readings = raw.copy()
+    touching = np.flatnonzero(good.touching)
+    starts = touching[[100, 600, 1100]]
+    for start in starts:
+        readings[start : start + 60] = readings[start]
+    data = found_in(tmp_path / "a.npz", good.q, readings)
+    assert len(data.recording.q) == NUM_ROWS - 3 * 59
+    assert "left out: 177 rows: the skin stands still" in said(data)
+    # One bit for each receptor stays as it is for many rows.
+    bits = (good.force > 5).astype(np.uint8)
+    assert not found_in(tmp_path / "b.npz", good.q, bits).recording.left_out
 
 
 @pytest.mark.parametrize("rest", [0.0, 30.0])

@@ -31,6 +31,10 @@ _COMPANY = 0.8
 #: A loose contact has more touches than a typical receptor, in at least this share of the rows, and
 #: lacks company so many times as often.
 _LOOSE_SHARE, _LOOSE_ALONE = 0.01, 3.0
+#: A board of the skin has so many receptors at least, and is lost so many times at least.
+_BOARD, _BOARD_TIMES = 8, 3
+#: Rows that a skin is frozen for at least, and the share of its readings that may stand still.
+_FROZEN, _FREEZES = 8, 0.1
 #: Rows from which values are sampled.
 _SAMPLE = 20_000
 _BLOCK = 8192
@@ -47,22 +51,36 @@ def marks_of_nothing(values: np.ndarray) -> list[float]:
         return []
     usual = np.median(values[:: -(-len(values) // _SAMPLE)], axis=0)
     found: list[float] = []
+    left = np.ones(values.shape, dtype=bool)
     for lowest in (True, False, True):
-        left = values[~np.isin(values, found)] if found else values.ravel()
-        if not left.size:
+        bounds = _bounds(values, left)
+        if bounds is None:
             break
-        mark = left.min() if lowest else left.max()
-        times = int(np.count_nonzero(left == mark))
-        others = left[left != mark]
-        if not others.size or not _MARK_TIMES <= times <= _MARK_SHARE * values.size:
+        mark = bounds[0] if lowest else bounds[1]
+        at_mark = values == mark
+        times = int(np.count_nonzero(at_mark))
+        if not _MARK_TIMES <= times <= _MARK_SHARE * values.size:
             continue
-        least, most = float(others.min()), float(others.max())
-        gap = least - float(mark) if lowest else float(mark) - most
-        stands_apart = gap > most - least and len(np.unique(others[:_SAMPLE])) >= _MARK_VALUES
+        bounds = _bounds(values, left & ~at_mark)
+        if bounds is None:
+            break
+        least, most = bounds
+        gap = least - mark if lowest else mark - most
+        sample = values[:: -(-len(values) // _SAMPLE)]
+        several = len(np.unique(sample)) > _MARK_VALUES
+        stands_apart = gap > most - least and several
         minus_one = lowest and mark == -1 and least >= 0
         if (stands_apart or minus_one) and np.mean(usual == mark) < 0.5:
-            found.append(float(mark))
+            found.append(mark)
+            left &= ~at_mark
     return found
+
+
+def _bounds(values: np.ndarray, where: np.ndarray) -> tuple[float, float] | None:
+    """The least and the greatest of some values; None if there are none."""
+    if not where.any():
+        return None
+    return float(values[where].min()), float(values[where].max())
 
 
 def lost_rows(readings: np.ndarray, row: np.ndarray, level: np.ndarray) -> np.ndarray:
@@ -106,6 +124,68 @@ def lost_rows(readings: np.ndarray, row: np.ndarray, level: np.ndarray) -> np.nd
     beside = (np.append(full[1:] & ~same[1:], False)) | np.append(False, full[:-1] & ~same[:-1])
     several = len(np.unique(readings[sample])) > _MARK_VALUES
     return same & ~beside & (moves.sum() >= 6) & several
+
+
+def lost_boards(readings: np.ndarray) -> np.ndarray:
+    """`(n,)` bool, rows in which one board of the skin is lost: its receptors read one end at once.
+
+    The same receptors, and no others, come to the least or greatest reading and go from it
+    together, again and again. Touches never repeat so exactly.
+
+    Args:
+        readings: `(n, S)` raw.
+    """
+    lost = np.zeros(len(readings), dtype=bool)
+    if readings.shape[1] < _BOARD or not len(readings):
+        return lost
+    usual = np.median(readings[:: -(-len(readings) // _SAMPLE)], axis=0)
+    for end in (readings.min(), readings.max()):
+        # Receptors that rest at the end are not lost there.
+        away = usual != end
+        at_end = (readings == end) & away
+        rows = np.flatnonzero(at_end.sum(axis=1) >= _BOARD)
+        if not 0 < len(rows) <= _SELDOM * len(readings):
+            continue
+        sets, which = np.unique(np.packbits(at_end[rows], axis=1), axis=0, return_inverse=True)
+        which = which.ravel()
+        before, after = rows - 1, rows + 1
+        before[0], after[-1] = max(before[0], 0), min(after[-1], len(readings) - 1)
+        size = at_end[rows].sum(axis=1)
+        # Beside a lost row, the board is either lost as well or not at its end at all.
+        for beside in (before, after):
+            shared = (at_end[beside] & at_end[rows]).sum(axis=1)
+            sharp = (shared == size) | (shared <= 0.2 * size)
+            which = np.where(sharp, which, len(sets))
+        times = np.bincount(which, minlength=len(sets) + 1)
+        times[len(sets)] = 0
+        lost[rows[times[which] >= _BOARD_TIMES]] = True
+    return lost
+
+
+def frozen_rows(values: np.ndarray, others: np.ndarray, follows: np.ndarray) -> np.ndarray:
+    """`(n,)` bool, rows that repeat stale readings, of a skin whose readings always change.
+
+    Args:
+        values: `(n, S)` readings of the skin.
+        others: `(n, J)` joints, which go on.
+        follows: `(n - 1,)` bool, whether the next row follows in time.
+    """
+    frozen = np.zeros(len(values), dtype=bool)
+    if len(values) < 100:
+        return frozen
+    same = follows & (values[1:] == values[:-1]).all(axis=1)
+    fresh = np.flatnonzero(np.insert(~same, 0, True))
+    ends = np.append(fresh[1:], len(values))
+    resting = np.median(values[:: -(-len(values) // _SAMPLE)], axis=0)
+    felt = (values[fresh] != resting).any(axis=1)
+    lengths = ends - fresh
+    if felt.sum() < 20 or np.mean(lengths[felt] == 1) < 1 - _FREEZES:
+        return frozen
+    for run in np.flatnonzero(felt & (lengths >= _FROZEN)):
+        moved = np.abs(np.diff(others[fresh[run] : ends[run]], axis=0)).any(axis=1)
+        if moved.mean() > 0.5:
+            frozen[fresh[run] + 1 : ends[run]] = True
+    return frozen
 
 
 def jumping_rows(q: np.ndarray, follows: np.ndarray, period: np.ndarray) -> np.ndarray:
