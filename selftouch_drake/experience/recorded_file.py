@@ -56,6 +56,8 @@ class Recording:
         readings: `(n, S)` raw readings, of the type of the file.
         time_s: `(n,)` s, or None if it was not recorded.
         piece: `(n,)` number of the piece of motion (a file or an episode) of each row.
+        row: `(n,)` the row of the files, one after the other, that each row comes from.
+        num_read: rows in the files, chosen or not, complete or not.
         joints: J names.
         receptors: S names.
         num_rows: rows in the files, of those that were chosen.
@@ -74,6 +76,8 @@ class Recording:
     readings: np.ndarray
     time_s: np.ndarray | None
     piece: np.ndarray
+    row: np.ndarray
+    num_read: int
     joints: tuple[str, ...]
     receptors: tuple[str, ...]
     num_rows: int
@@ -104,6 +108,7 @@ class Recording:
             readings=self.readings[kept],
             time_s=None if self.time_s is None else self.time_s[kept],
             piece=self.piece[kept],
+            row=self.row[kept],
             left_out=counts,
         )
 
@@ -232,6 +237,8 @@ class _File:
             readings=readings[rows],
             time_s=None if times is None else times.time_s[rows],
             piece=number * _PIECES_PER_FILE + piece,
+            row=rows,
+            num_read=num_rows,
             joints=self._names(q),
             receptors=self._names(touch),
             num_rows=int(chosen.sum()) + num_broken,

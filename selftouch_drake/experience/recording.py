@@ -119,8 +119,13 @@ def _joined(parts: Sequence[Recording]) -> Recording:
         name: tuple(sorted({value for part in parts for value in part.choices.get(name, ())}))
         for name in parts[0].choices
     }
+    first_rows = np.cumsum([0, *(part.num_read for part in parts)])
     return replace(
         parts[0],
+        row=np.concatenate(
+            [part.row + first for part, first in zip(parts, first_rows, strict=False)]
+        ),
+        num_read=int(first_rows[-1]),
         q=np.concatenate([part.q for part in parts]),
         readings=np.concatenate([part.readings for part in parts]),
         time_s=np.concatenate(times) if len(times) == len(parts) else None,

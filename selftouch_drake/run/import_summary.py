@@ -184,4 +184,4 @@ def _odd_readings(data: Data) -> Iterator[str]:
 
 
 def _named(names: Sequence[str], chosen: np.ndarray) -> list[str]:
-    return [names[number] for number in np.flatnonzero(chosen)]
+    return [names[number] for number in np.flatnonzero(chosen).tolist()]

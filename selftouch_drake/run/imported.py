@@ -154,7 +154,7 @@ def store(run: RunDirectory, data: Data) -> None:
         shard = Shard(
             walk=walk,
             num_steps=last - before,
-            step=rows,
+            step=data.recording.row[rows],
             q=felt.q[first:end],
             sensation=felt.sensation[first:end],
         )

@@ -65,7 +65,7 @@ def _without_marks(recording: Recording) -> Recording:
     at_joints = np.column_stack(
         [np.isin(one, found) for one, found in zip(recording.q.T, joints, strict=True)]
     )
-    rows = marked.any(axis=1) | at_joints.any(axis=1)
+    rows = np.asarray(marked.any(axis=1) | at_joints.any(axis=1))
     values = sorted({*marks, *(value for found in joints for value in found)})
     shown = ", ".join(f"{value:g}" for value in values[:4])
     if rows.mean() > 0.5:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.feather
+import pyarrow.parquet as pq
 import pytest
 from commands import selftouch
 from scipy.io import savemat
@@ -521,7 +522,7 @@ def test_lost_packets_are_left_out_and_counted(falling, value, good, raw, tmp_pa
     else:
         readings[lost] = 0 if value == "zeros" else 255
     data = found_in(tmp_path / "b.npz", good.q, readings)
-    assert not np.isin(data.felt.rows, lost).any()
+    assert not np.isin(data.recording.row[data.felt.rows], lost).any()
     left = data.recording.left_out
     assert len(data.felt.lost) + sum(left.values()) == len(lost)
     assert f"left out: {len(lost)} rows" in said(data)
@@ -674,5 +675,9 @@ def test_what_was_left_out_is_a_metric(good, raw, tmp_path):
     settings = ("--set", "{representation: {num_targets: 50}}")
     assert selftouch("import", tmp_path / "a.npz", "--out", tmp_path / "run", *settings).status == 0
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    # Touches keep the numbers of their rows in the file.
+    step = pq.read_table(tmp_path / "run" / "experience").column("step").to_numpy()
+    again = read_data(tmp_path / "a.npz")
+    np.testing.assert_array_equal(step, again.recording.row[again.felt.rows])
     assert metrics["import_num_lost"] == 2
     assert "import_loose_receptors" not in metrics

@@ -143,7 +143,10 @@ def lost_boards(readings: np.ndarray) -> np.ndarray:
         # Receptors that rest at the end are not lost there.
         away = usual != end
         at_end = (readings == end) & away
-        rows = np.flatnonzero(at_end.sum(axis=1) >= _BOARD)
+        num_at_end = at_end.sum(axis=1)
+        # The whole skin is no board: that is a lost packet.
+        board = (num_at_end >= _BOARD) & (num_at_end < _NEARLY_ALL * away.sum())
+        rows = np.flatnonzero(board)
         if not 0 < len(rows) <= _SELDOM * len(readings):
             continue
         sets, which = np.unique(np.packbits(at_end[rows], axis=1), axis=0, return_inverse=True)

@@ -39,7 +39,7 @@ def turning(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     if len(q) < 2 * _FEWEST:
         return found
     reach = np.ptp(q, axis=0)
-    for joint in np.flatnonzero(reach > _MORE * _TURNS[0]):
+    for joint in np.flatnonzero(reach > _MORE * _TURNS[0]).tolist():
         values = q[:, joint]
         ticks = _TICKS if (values == np.round(values)).all() else ()
         for turn in (*_TURNS, *ticks):
