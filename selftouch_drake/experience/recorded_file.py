@@ -199,39 +199,31 @@ class _File:
         time_names, times = self._times()
         if times is not None:
             self._require_length("time", times.time_s, num_rows)
-        episode = self._single(EPISODE_NAMES)
         chosen = self._meeting(self._wanted.rows, num_rows)
-        piece = _pieces(episode, chosen)
+        piece = _pieces(self._single(EPISODE_NAMES), chosen)
         notes = [*self._read.notes, *q.notes, *touch.notes]
-        joints_there = np.isfinite(configurations).all(axis=1)
-        felt_there = np.isfinite(readings).all(axis=1)
+        complete = np.isfinite(configurations).all(axis=1) & np.isfinite(readings).all(axis=1)
         if times is not None:
-            joints_there &= np.isfinite(times.time_s)
-            felt_there &= np.isfinite(times.time_s)
-            if 2 * (joints_there & felt_there).sum() < felt_there.sum():
-                between = chosen & felt_there & ~joints_there
-                filled = _filled(configurations, times.time_s, joints_there, between)
-                if filled.any():
-                    notes.append(
-                        "joints and skin are in rows of their own: the joints are interpolated in "
-                        f"{filled.sum():,} rows of the skin"
-                    )
-                # Rows without a reading of the skin are no rows of the recording.
-                chosen &= felt_there | ~joints_there
-                joints_there |= filled
-        complete = joints_there & felt_there
+            complete &= np.isfinite(times.time_s)
+            apart = _joined_in_time(configurations, readings, times.time_s, complete, chosen)
+            if apart is not None:
+                complete, chosen, num_filled = apart
+                notes.append(
+                    "joints and skin are in rows of their own: the joints are interpolated in "
+                    f"{num_filled:,} rows of the skin"
+                )
         rows = np.flatnonzero(complete & chosen)
-        num_gaps = 0
+        num_gaps, piece = 0, piece[rows]
         if times is not None:
-            found = in_order(times.time_s[rows], piece[rows])
+            found = in_order(times.time_s[rows], piece)
             rows, piece, num_gaps = rows[found.order], np.cumsum(found.breaks), found.num_gaps
             if found.num_restarts:
                 notes.append(f"the clock starts again {found.num_restarts:,} times")
             if found.num_moved:
                 notes.append(f"{found.num_moved:,} rows are earlier than those before: sorted")
-        else:
-            piece = piece[rows]
         num_broken = self._read.num_broken
+        taken = {*q.names, *touch.names, *EPISODE_NAMES, *time_names}
+        what = "" if times is None else ", ".join(filter(None, [time_names[0], times.note]))
         return Recording(
             q=configurations[rows],
             readings=readings[rows],
@@ -243,19 +235,20 @@ class _File:
             receptors=self._names(touch),
             num_rows=int(chosen.sum()) + num_broken,
             num_incomplete=int((chosen & ~complete).sum()) + num_broken,
-            choices=self._choices({*q.names, *touch.names, *EPISODE_NAMES, *time_names}, num_rows),
-            unused=tuple(
-                name
-                for name in self._columns
-                if name not in {*q.names, *touch.names, *EPISODE_NAMES, *time_names}
-                and not name.endswith("_names")
-                and name not in {*NAMES_OF["--q"], *NAMES_OF["--sensation"]}
-            ),
+            choices=self._choices(taken, num_rows),
+            unused=self._unused(taken),
             notes=tuple(notes),
-            time_from=""
-            if times is None
-            else ", ".join([*time_names[:1], times.note]).rstrip(", "),
+            time_from=what,
             num_gaps=num_gaps,
+        )
+
+    def _unused(self, taken: Collection[str]) -> tuple[str, ...]:
+        """The columns that are not taken and name nothing."""
+        naming = {*NAMES_OF["--q"], *NAMES_OF["--sensation"]}
+        return tuple(
+            name
+            for name in self._columns
+            if name not in taken and name not in naming and not name.endswith("_names")
         )
 
     def _times(self) -> tuple[list[str], Times | None]:
@@ -476,6 +469,37 @@ def _pieces(episode: np.ndarray | None, chosen: np.ndarray) -> np.ndarray:
     breaks = np.diff(piece, prepend=piece[:1]) != 0
     breaks[1:] |= ~chosen[:-1]
     return np.cumsum(breaks)
+
+
+def _joined_in_time(
+    q: np.ndarray,
+    readings: np.ndarray,
+    time_s: np.ndarray,
+    complete: np.ndarray,
+    chosen: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """Interpolates `(n, J)` joints in place, if joints and skin are in rows of their own.
+
+    Args:
+        q: `(n, J)`, NaN where a joint is missing.
+        readings: `(n, S)`, likewise.
+        time_s: `(n,)` s, likewise.
+        complete: `(n,)` bool, the rows that have all.
+        chosen: `(n,)` bool, the rows that are asked for.
+
+    Returns:
+        The rows that are complete then, those that count as rows, which are those of the skin, and
+        how many were interpolated; None if most rows of the skin have joints.
+    """
+    there = np.isfinite(time_s)
+    joints_there = np.isfinite(q).all(axis=1) & there
+    felt_there = np.isfinite(readings).all(axis=1) & there
+    if 2 * complete.sum() >= felt_there.sum():
+        return None
+    filled = _filled(q, time_s, joints_there, chosen & felt_there & ~joints_there)
+    if not filled.any():
+        return None
+    return complete | filled, chosen & (felt_there | ~joints_there), int(filled.sum())
 
 
 def _filled(q: np.ndarray, time_s: np.ndarray, there: np.ndarray, wanted: np.ndarray) -> np.ndarray:

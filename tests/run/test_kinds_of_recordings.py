@@ -681,3 +681,35 @@ def test_what_was_left_out_is_a_metric(good, raw, tmp_path):
     np.testing.assert_array_equal(step, again.recording.row[again.felt.rows])
     assert metrics["import_num_lost"] == 2
     assert "import_loose_receptors" not in metrics
+
+
+def test_text_that_nobody_can_understand_is_refused(good, tmp_path):
+    lines = lines_of(good.table())
+    # R names rows, and not their column.
+    rows = [lines[0], *(f"{n},{line}" for n, line in enumerate(lines[1:]))]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(RecordingError, match="has 46 cells in a row, but its header names 45"):
+        read_data(tmp_path / "a.csv")
+    # Decimal commas between commas.
+    rows = [lines[0], *(line.replace(".", ",") for line in lines[1:])]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(
+        RecordingError, match=r"cells in a row, but its header names 45|decimal comm"
+    ):
+        read_data(tmp_path / "a.csv")
+    # Commas for decimals and points for thousands.
+    table = good.table(q=good.q, force=good.force + 1000)
+    lines = table.to_csv(index=False, sep=";", float_format="%.3f").splitlines()
+    swapped = str.maketrans(".,", ",.")
+    rows = [
+        line.replace(";1", ";1,").translate(swapped) if n else line for n, line in enumerate(lines)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(
+        RecordingError, match=r"write decimal points|name a column that holds numbers"
+    ):
+        read_data(tmp_path / "a.csv")
+    for text, message in (("", "has no rows"), ("time_s,q_0,taxel_0\n", "has no rows")):
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(RecordingError, match=message):
+            read_data(tmp_path / "a.csv")
