@@ -21,8 +21,8 @@ SECONDS_IN = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Seconds since 1970 in the years 2001 to 2096: other units have three more digits each.
 _EPOCH_S = (1e9, 4e9)
 # s: a median step above this that is not known to be in seconds may be in any unit. Robots record
-# touches at 5 Hz to 2 kHz, which is 0.5 to 200 in ms.
-_LONGEST_STEP_S = 2.0
+# touches at 5 Hz to 2 kHz: each step is 0.0005 to 0.2 in s, and 0.5 to 200 in ms.
+_LONGEST_STEP_S = 0.4
 # A pause of this many median steps, and at least so many seconds, is a gap.
 _GAP_STEPS, _GAP_S = 20.0, 0.5
 # Steps back in more than this share of the rows: they are out of order, and not started again.
@@ -86,6 +86,9 @@ def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
     counts = counts[:, 0]
     there = counts[np.isfinite(counts)]
     since_1970 = _unit_since_1970(there)
+    if since_1970 and _median_step(there.astype(float)) * SECONDS_IN[since_1970] > _LONGEST_STEP_S:
+        # Microseconds since a computer was started may look like seconds since 1970.
+        since_1970 = None
     stated = named(name)
     if unit is None:
         unit = since_1970 or (stated.unit if stated.kind == "s" else None)

@@ -78,16 +78,14 @@ def _without_marks(recording: Recording) -> Recording:
 
 
 def _without_velocities(recording: Recording) -> Recording:
-    """Leaves out columns among the joints that are the velocities of the others."""
+    """Leaves out columns of joints that are velocities of others, and efforts after them."""
     q = recording.q.astype(float)
     speeds = velocities(q, recording.follows, recording.time_s)
     if not speeds.any():
         return recording
-    names = [recording.joints[number] for number in np.flatnonzero(speeds)]
-    note = (
-        f"{', '.join(names[:4])}{', ...' if len(names) > 4 else ''} are {len(names)} velocities of "
-        "the other joints: left out"
-    )
+    names = [recording.joints[number] for number in np.flatnonzero(speeds).tolist()]
+    first = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+    note = f"{first} are {len(names)} velocities, or efforts, of the other joints: left out"
     return replace(
         recording,
         q=recording.q[:, ~speeds],

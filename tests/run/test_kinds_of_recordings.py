@@ -330,6 +330,13 @@ def test_a_time_in_an_unknown_unit_is_refused(good, tmp_path):
     assert "column time of" in found.stderr
     assert "has steps of 20, in an unknown unit: give --time-unit s, ms, us or ns" in found.stderr
     require_same(good, path, time_unit="ms")
+    # 1 kHz, and a computer that was started half an hour ago.
+    for column in (np.arange(NUM_ROWS), (1e6 * (good.time_s + 1800)).astype(int)):
+        as_text(good.table(stamp=column), path)
+        with pytest.raises(RecordingError, match="in an unknown unit: give --time-unit"):
+            read_data(path)
+    require_same(good, path, time_unit="us")
+    as_text(good.table(time=1000 * good.time_s), path)
     assert read_data(path, time="none").recording.time_s is None
 
 
@@ -387,11 +394,13 @@ def test_degrees_and_ticks_that_are_not_stated_are_said(factor, words, good, tmp
 
 def test_velocities_are_no_joints(good, tmp_path):
     velocity = np.gradient(good.q, axis=0) * RATE_HZ
-    for both in (np.hstack([good.q, velocity]), np.stack([good.q, velocity], 2).reshape(-1, 8)):
-        np.savez(tmp_path / "a.npz", state=both, touch=good.force, time_s=good.time_s)
-        assert "are 4 velocities of the other joints: left out" in said(
-            require_same(good, tmp_path / "a.npz")
-        )
+    effort = np.random.default_rng(7).normal(size=good.q.shape)
+    for parts in ([good.q, velocity], [good.q, velocity, effort]):
+        for state in (np.hstack(parts), np.stack(parts, 2).reshape(NUM_ROWS, -1)):
+            np.savez(tmp_path / "a.npz", state=state, touch=good.force, time_s=good.time_s)
+            text = said(require_same(good, tmp_path / "a.npz"))
+            num = state.shape[1] - NUM_JOINTS
+            assert f"are {num} velocities, or efforts, of the other joints: left out" in text
     table = good.table()
     for joint in range(NUM_JOINTS):
         table[f"q_{joint}_vel"] = velocity[:, joint]

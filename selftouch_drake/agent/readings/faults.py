@@ -263,16 +263,24 @@ def held_every(values: np.ndarray, others: np.ndarray, follows: np.ndarray) -> n
 
 
 def velocities(q: np.ndarray, follows: np.ndarray, time_s: np.ndarray | None) -> np.ndarray:
-    """`(J,)` bool, columns that are velocities of others: the second half, or every second one.
+    """`(J,)` bool, columns that are velocities of others, or come after them, as efforts do.
 
+    Velocities are the second half or third, or every second or third column, from the second on.
     All of them must fit with one ratio, and a single one in the unit of the time.
     """
-    num = q.shape[1] // 2
-    found = np.zeros(q.shape[1], dtype=bool)
-    if q.shape[1] % 2 or not num or follows.sum() < 100:
+    num_columns = q.shape[1]
+    found = np.zeros(num_columns, dtype=bool)
+    if follows.sum() < 100:
         return found
-    orders = {"second half": (slice(0, num), slice(num, None))}
-    orders["every second"] = (slice(0, None, 2), slice(1, None, 2))
+    orders = []
+    for groups in (2, 3):
+        num, rest = divmod(num_columns, groups)
+        if rest or not num:
+            continue
+        number = np.arange(num_columns)
+        # Columns of positions and of velocities, and those that are not of positions.
+        orders.append((slice(0, num), slice(num, 2 * num), number >= num))
+        orders.append((slice(0, None, groups), slice(1, None, groups), number % groups > 0))
     steps, middle = np.diff(q, axis=0)[follows], 0.5 * (q[1:] + q[:-1])[follows]
     if time_s is not None:
         dt = np.diff(time_s)[follows]
@@ -280,7 +288,7 @@ def velocities(q: np.ndarray, follows: np.ndarray, time_s: np.ndarray | None) ->
         middle = middle[dt > 0]
     if len(steps) < 100:
         return found
-    for places, speeds in orders.values():
+    for places, speeds, others in orders:
         a, b = steps[:, places], middle[:, speeds]
         scale = a.std(axis=0) * b.std(axis=0)
         if (scale == 0).all():
@@ -292,8 +300,7 @@ def velocities(q: np.ndarray, follows: np.ndarray, time_s: np.ndarray | None) ->
         one_ratio = ratio.max() < 1.25 * ratio.min() and alive.sum() > 1
         in_time = time_s is not None and bool((np.abs(ratio - 1.0) < 0.1).all())
         if (alike > _VELOCITY).all() and (one_ratio or in_time):
-            found[speeds] = True
-            return found
+            return others
     return found
 
 

@@ -17,7 +17,10 @@ _SAMPLE, _MOST, _NEIGHBOURS = 600, 20_000, 40
 #: Share of the likeness of neighbours in one turn that those of other turns must have, and the
 #: likeness beyond chance that neighbours must have for a comparison.
 _AS_ALIKE, _ALIKE = 0.7, 0.1
-#: Most other joints may blur a comparison of neighbours; fewer comparisons than this say nothing.
+#: Touches half a turn away must lack this share of that likeness: a joint that does not matter, and
+#: a slide on a coarse skin, feel the same there as well.
+_HALF_A_TURN = 0.5
+#: With fewer comparisons than this, nothing is known.
 _FEWEST = 50
 
 
@@ -95,7 +98,10 @@ def wrapping(q: np.ndarray, follows: np.ndarray) -> np.ndarray:
 
 
 def _comes_back(q: np.ndarray, sensation: np.ndarray, joint: int, turn: float) -> bool:
-    """Whether touches one turn apart are as alike as touches equally near in the same turn."""
+    """Whether touches one turn apart are as alike as touches equally near in the same turn.
+
+    And more alike than those half a turn apart.
+    """
     rng = np.random.default_rng(0)
     kept = np.sort(rng.permutation(len(q))[:_MOST])
     q, felt = q[kept], sensation[kept].astype(float)
@@ -107,7 +113,12 @@ def _comes_back(q: np.ndarray, sensation: np.ndarray, joint: int, turn: float) -
     others = others[:, spread > 0] / spread[spread > 0]
     places = np.column_stack([others, np.cos(angle), np.sin(angle)])
     asked = rng.permutation(len(q))[:_SAMPLE]
-    apart, near = KDTree(places).query(places[asked], k=min(_NEIGHBOURS, len(q)))
+    tree, num = KDTree(places), min(_NEIGHBOURS, len(q))
+    apart, near = tree.query(places[asked], k=num)
+    opposite = places[asked]
+    opposite[:, -2:] *= -1.0
+    _, near_opposite = tree.query(opposite, k=1)
+    half = (felt[asked] * felt[near_opposite]).sum(axis=1)
     across, within = [], []
     for row, distance, neighbours in zip(asked, apart, near, strict=True):
         # Rows next to each other in time are one touch.
@@ -124,4 +135,9 @@ def _comes_back(q: np.ndarray, sensation: np.ndarray, joint: int, turn: float) -
         return False
     chance = float((felt[asked] * felt[rng.permutation(len(q))[: len(asked)]]).sum(axis=1).mean())
     alike = float(np.mean(within)) - chance
-    return alike > _ALIKE and float(np.mean(across)) - chance > _AS_ALIKE * alike
+    after_a_turn = float(np.mean(across))
+    return (
+        alike > _ALIKE
+        and after_a_turn - chance > _AS_ALIKE * alike
+        and after_a_turn - float(np.mean(half)) > _HALF_A_TURN * alike
+    )
