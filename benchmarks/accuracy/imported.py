@@ -35,7 +35,8 @@ from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.run.imported import Data, imported_experiment, read_data, summary
+from selftouch_drake.run.import_summary import summary
+from selftouch_drake.run.imported import Data, imported_experiment, read_data
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 

@@ -18,6 +18,7 @@ from selftouch_drake.agent.planning.prediction import (
     recall_sensation,
 )
 from selftouch_drake.agent.planning.touch_model import TouchModel
+from selftouch_drake.agent.readings.turns import turning, within_a_turn
 from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -80,11 +81,13 @@ class Agent:
     ) -> "Agent":
         """Learns from experience held in arrays: `(n, S)` N felt at `(n, J)` q; no row null.
 
-        As `representation.learn`, which learns from experience of any size.
+        As `representation.learn`, which learns from experience of any size. A joint that turns
+        round and round is taken within one turn, as `readings.turns` has it: so are plans.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
+        q = within_a_turn(q, turning(q, sensation))
         found = learn(
             lambda: [(sensation, q)],
             num_targets=num_targets,

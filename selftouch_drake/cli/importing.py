@@ -20,7 +20,16 @@ from selftouch_drake.cli.stages import progress_bar
     "joint.",
 )
 @click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
-@click.option("--time", metavar="COLUMN", help="Seconds, to compute the speeds of the joints.")
+@click.option(
+    "--time",
+    metavar="COLUMN",
+    help="Times or dates, for the speeds of the joints; none for no time.",
+)
+@click.option(
+    "--time-unit",
+    type=click.Choice(["s", "ms", "us", "ns"]),
+    help="Unit of the times.  [default: as their name or size says]",
+)
 @click.option(
     "--rows",
     metavar="COLUMN=VALUE",
@@ -66,12 +75,13 @@ def import_data(
 ) -> None:
     """Begin a run with data recorded by another robot.
 
-    DATA is a Parquet, CSV or NPZ file, or a folder of them, with joint positions and raw readings
-    of the skin in each row. `learn`, `plan`, `live` and `report` work on such a run; `execute` and
-    `evaluate` need a body of your own, with --body.
+    DATA is a CSV, TSV, Parquet, Feather, NPZ or MAT file, or a folder of them or of NPY files, with
+    joint positions and raw readings of the skin in each row. `learn`, `plan`, `live` and `report`
+    work on such a run; `execute` and `evaluate` need a body of your own, with --body.
     """
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.import_summary import summary
     from selftouch_drake.run.naming import default_path
 
     read = imported.read_data(data, **how)
@@ -81,7 +91,7 @@ def import_data(
     directory = RunDirectory.create(out or default_path(experiment.name, overrides), experiment)
     with directory.writing():
         imported.store(directory, read)
-    for line in imported.summary(read, experiment):
+    for line in summary(read, experiment):
         click.echo(line)
     click.echo(f"run: {directory.path}")
 
@@ -93,6 +103,8 @@ def import_data(
 )
 @click.option("--q", metavar="COLUMNS", help="Joint positions, as in `selftouch import`.")
 @click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
+@click.option("--time", metavar="COLUMN", help="Times, likewise.")
+@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Likewise.")
 @click.option("--rows", metavar="COLUMN=VALUE", multiple=True, help="Rows to read, likewise.")
 @click.option("--offset", type=float, help="Reading of a receptor at rest, likewise.")
 @click.option("--threshold", type=float, help="Smallest reading that counts, likewise.")

@@ -1,7 +1,7 @@
 """Reads recordings of other robots: tables with named columns, as the robot's own tools write them.
 
-A recording is a Parquet, CSV or NPZ file, or a folder of files of one kind. Folders in the layout
-of LeRobot (`meta/info.json`, `data/`) are understood.
+A recording is a file of one of the kinds `KINDS`, or a folder of files of one kind. Folders in the
+layout of LeRobot (`meta/info.json`, `data/`) are understood.
 """
 
 import json
@@ -11,10 +11,31 @@ from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.experience.columns import RecordingError
-from selftouch_drake.experience.recorded_file import Recording, Wanted, read_file
+from selftouch_drake.experience.columns import KINDS, TEXT_KINDS
+from selftouch_drake.experience.recorded_file import (
+    Q_NAMES,
+    SENSATION_NAMES,
+    TIME_NAMES,
+    Recording,
+    Wanted,
+    in_order_of_numbers,
+    read_file,
+)
+from selftouch_drake.experience.recording_error import RecordingError
+from selftouch_drake.experience.times import SECONDS_IN
+from selftouch_drake.experience.units import plain_form
+from selftouch_drake.experiment import shown
+from selftouch_drake.files import content_digest
 
-_KINDS = (".parquet", ".csv", ".npz")
+_KINDS_TEXT = "parquet, feather, csv, tsv, npz, npy or mat"
+# What others call their files.
+_HINTS = {
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), "save it as csv"),
+    **dict.fromkeys((".h5", ".hdf5", ".pkl", ".pickle"), "save its arrays as npz"),
+    **dict.fromkeys((".bag", ".db3", ".mcap"), "export its topics as csv or parquet"),
+    **dict.fromkeys((".txt", ".dat", ".log"), "rename it to .csv, if it is a table"),
+    **dict.fromkeys((".gz", ".zip", ".zst", ".xz", ".7z"), "unpack it"),
+}
 
 
 def read_recording(
@@ -23,20 +44,25 @@ def read_recording(
     q: str | None = None,
     sensation: str | None = None,
     time: str | None = None,
+    time_unit: str | None = None,
     rows: Sequence[str] = (),
     delimiter: str | None = None,
 ) -> Recording:
     """Reads a file, or a folder of files of one kind.
 
     Args:
-        source: a Parquet, CSV or NPZ file, or a folder; in LeRobot's layout the files under `data`
-            are read.
+        source: a file of one of the `KINDS`, or a folder; in LeRobot's layout the files under
+            `data` are read. In a folder of `.npy` files, those that differ only in the name of the
+            array (`walk1_q.npy`, `walk1_touch.npy`) belong together.
         q: the columns of motor configurations, with an array or a number in each row, as names
-            separated by commas or as a pattern (`joint_*`), in the order of their numbers. By
+            separated by commas, as FIRST..LAST, or as a pattern (`joint_*`), in the order of their
+            numbers. By
             default the first of `Q_NAMES` that exists. In an archive, the arrays of `NAMES_OF` name
             the joints and receptors, and arrays may be transposed.
         sensation: the columns of raw readings, likewise; by default the first of `SENSATION_NAMES`.
-        time: the column of seconds; by default the first of `TIME_NAMES` that exists, if any.
+        time: the column of times or dates; by default the first of `TIME_NAMES` that exists, if
+            any; "none" for no time.
+        time_unit: s, ms, us or ns; by default what the name or, since 1970, the numbers say.
         rows: conditions, as `COLUMN=VALUE` or `COLUMN=VALUE,VALUE`; rows that meet all are read.
         delimiter: between the columns of text; by default the one that the first line has most of.
 
@@ -45,18 +71,24 @@ def read_recording(
         RecordingError: a column does not exist, shapes disagree, or no row is complete.
         ValueError: a file is damaged.
     """
-    files = _files(source)
+    if time_unit not in (None, *SECONDS_IN):
+        raise RecordingError(
+            f"--time-unit is {shown(time_unit)}; give one of {', '.join(SECONDS_IN)}"
+        )
+    files, notes = _files(source)
     wanted = Wanted(
         q=q,
         sensation=sensation,
         time=time,
+        time_unit=time_unit,
         rows=rows,
         delimiter=delimiter,
         named=_lerobot_names(source),
     )
     parts = [read_file(path, wanted, number) for number, path in enumerate(files)]
-    _require_one_robot(files, parts)
+    _require_one_robot([group[0] for group in files], parts)
     joined = _joined(parts)
+    joined = replace(joined, notes=tuple(dict.fromkeys([*notes, *joined.notes])))
     if rows and not joined.num_rows:
         raise RecordingError(f"--rows is {', '.join(rows)}; no row of {source} is so: correct it")
     if not len(joined.q):
@@ -87,8 +119,13 @@ def _joined(parts: Sequence[Recording]) -> Recording:
         name: tuple(sorted({value for part in parts for value in part.choices.get(name, ())}))
         for name in parts[0].choices
     }
+    first_rows = np.cumsum([0, *(part.num_read for part in parts)])
     return replace(
         parts[0],
+        row=np.concatenate(
+            [part.row + first for part, first in zip(parts, first_rows, strict=False)]
+        ),
+        num_read=int(first_rows[-1]),
         q=np.concatenate([part.q for part in parts]),
         readings=np.concatenate([part.readings for part in parts]),
         time_s=np.concatenate(times) if len(times) == len(parts) else None,
@@ -96,25 +133,75 @@ def _joined(parts: Sequence[Recording]) -> Recording:
         num_rows=sum(part.num_rows for part in parts),
         num_incomplete=sum(part.num_incomplete for part in parts),
         choices=choices,
+        notes=tuple(note for part in parts for note in part.notes),
+        time_from=parts[0].time_from if len(times) == len(parts) else "",
+        num_gaps=sum(part.num_gaps for part in parts),
     )
 
 
-def _files(source: Path) -> list[Path]:
-    """The files of a recording, in order."""
+def _files(source: Path) -> tuple[list[list[Path]], list[str]]:
+    """The files of a recording, in order, those of one piece of motion together; and notes."""
     if source.is_file():
-        if source.suffix.lower() not in _KINDS:
-            raise RecordingError(f"{source} is not a parquet, csv or npz file; convert it to one")
-        return [source]
+        kind = source.suffix.lower()
+        if kind == ".npy":
+            raise RecordingError(
+                f"{source} holds one array; give the folder that holds those of joints and skin"
+            )
+        if kind not in KINDS:
+            remedy = _HINTS.get(kind, "convert it to one")
+            raise RecordingError(f"{source} is not a {_KINDS_TEXT} file; {remedy}")
+        return [[source]], []
     if not source.is_dir():
         raise FileNotFoundError(f"{source} does not exist; give a file or a folder")
     folder = source / "data" if (source / "meta" / "info.json").is_file() else source
-    found = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in _KINDS]
+    every = [path for path in folder.rglob("*") if path.suffix.lower() in KINDS and path.is_file()]
+    found = [path for path in every if not _is_left_behind(path.relative_to(folder))]
+    found.sort(key=lambda path: in_order_of_numbers(str(path.relative_to(folder))))
+    notes = []
+    if len(every) > len(found):
+        notes.append(f"{len(every) - len(found)} hidden files or copies of an editor are left out")
     kinds = sorted({path.suffix.lower() for path in found})
     if not found:
-        raise RecordingError(f"{folder} holds no parquet, csv or npz file; give another folder")
-    if len(kinds) > 1:
+        others = {path.suffix.lower() for path in folder.rglob("*") if path.is_file()} & {*_HINTS}
+        remedy = _HINTS[min(others)] if others else "give another folder"
+        raise RecordingError(f"{folder} holds no {_KINDS_TEXT} file; {remedy}")
+    if len(kinds) > 1 and not {*kinds} <= {*TEXT_KINDS}:
         raise RecordingError(f"{folder} holds files of kinds {', '.join(kinds)}; give one kind")
-    return found
+    if kinds == [".npy"]:
+        return _grouped(found), notes
+    contents = {path: content_digest(path) for path in found}
+    first_of = {contents[path]: path for path in reversed(found)}
+    copies = [path for path in found if first_of[contents[path]] != path]
+    if copies:
+        same = first_of[contents[copies[0]]]
+        notes.append(
+            f"{len(copies)} files are copies of others and left out, as {copies[0].name} of "
+            f"{same.name}"
+        )
+    return [[path] for path in found if path not in copies], notes
+
+
+def _is_left_behind(path: Path) -> bool:
+    """Whether a file is hidden, or a copy that an editor or a system keeps."""
+    return any(
+        part.startswith((".", "~$", "__MACOSX")) for part in path.parts
+    ) or path.stem.endswith("-checkpoint")
+
+
+def _grouped(found: list[Path]) -> list[list[Path]]:
+    """Arrays that belong together: of one folder and, if they share some, of one beginning."""
+    usual = sorted(
+        {plain_form(name) for name in (*Q_NAMES, *SENSATION_NAMES, *TIME_NAMES) if "#" not in name},
+        key=len,
+        reverse=True,
+    )
+    groups: dict[tuple[Path, str], list[Path]] = {}
+    for path in found:
+        form = plain_form(path.stem)
+        ending = next((name for name in usual if form == name or form.endswith(f"_{name}")), "")
+        beginning = form[: len(form) - len(ending)] if ending else ""
+        groups.setdefault((path.parent, beginning), []).append(path)
+    return list(groups.values())
 
 
 def _lerobot_names(source: Path) -> dict[str, list[str]]:

@@ -6,7 +6,7 @@ experiment has `imported` in place of robot, skins and touching.
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.pilot import RATE_HZ
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.readings.found_touches import FoundTouches, find_touches
+from selftouch_drake.agent.readings.turns import turning, within_a_turn
 from selftouch_drake.experience.collect import walk_sizes
 from selftouch_drake.experience.recording import Recording, read_recording
 from selftouch_drake.experience.store import Shard, write_shard
@@ -25,6 +26,7 @@ from selftouch_drake.experiment.loading import merged
 from selftouch_drake.experiment.schema import Imported
 from selftouch_drake.files import save_arrays, write_csv
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.recording_checks import without_faults
 
 # Quantile of the speeds of a joint between rows that sets its limit: the fastest 1 % are slips.
 _FAST = 0.99
@@ -62,7 +64,13 @@ class Data:
     @property
     def silent(self) -> list[str]:
         """Names of the receptors that never feel anything."""
-        return [self.recording.receptors[number] for number in self.felt.silent]
+        loose = set(np.flatnonzero(self.felt.loose).tolist())
+        return [self.recording.receptors[n] for n in self.felt.silent.tolist() if n not in loose]
+
+    @property
+    def loose(self) -> list[str]:
+        """Names of the receptors that are set aside as loose contacts."""
+        return [self.recording.receptors[number] for number in np.flatnonzero(self.felt.loose)]
 
 
 def read_data(source: Path, **how: Any) -> Data:
@@ -73,8 +81,22 @@ def read_data(source: Path, **how: Any) -> Data:
         ValueError: it cannot be used; the text says why.
     """
     settings = {name: how.pop(name) for name in _OF_TOUCHES if name in how}
-    recording = read_recording(source, **how)
+    recording = without_faults(read_recording(source, **how))
     felt = find_touches(recording.q, recording.readings, **settings)
+    turn = turning(felt.q, felt.sensation)
+    if turn.any():
+        names = [recording.joints[joint] for joint in np.flatnonzero(turn)]
+        note = (
+            f"{', '.join(names)} turned more than once, and touches come back after a turn: taken "
+            "within one turn, as plans will be"
+        )
+        recording = replace(
+            recording,
+            q=within_a_turn(recording.q, turn),
+            turn=turn,
+            notes=(*recording.notes, note),
+        )
+        felt = replace(felt, q=recording.q[felt.rows].astype(float))
     return Data(source=source.resolve(), recording=recording, felt=felt)
 
 
@@ -132,7 +154,7 @@ def store(run: RunDirectory, data: Data) -> None:
         shard = Shard(
             walk=walk,
             num_steps=last - before,
-            step=rows,
+            step=data.recording.row[rows],
             q=felt.q[first:end],
             sensation=felt.sensation[first:end],
         )
@@ -146,10 +168,13 @@ def store(run: RunDirectory, data: Data) -> None:
             "import_offset_median": float(np.median(baseline.offset)),
             "import_drift_max": float(baseline.drift.max()),
             "import_noise_median": float(np.median(baseline.noise)),
-            "import_threshold_median": float(np.median(baseline.threshold)),
+            "import_threshold_median": float(np.median(baseline.threshold[~felt.loose])),
+            "import_num_lost": len(felt.lost),
+            "import_num_left_out": sum(data.recording.left_out.values()),
             "import_num_lone": felt.num_lone,
             "import_num_fading": felt.num_fading,
             **({"import_silent_receptors": data.silent} if data.silent else {}),
+            **({"import_loose_receptors": data.loose} if data.loose else {}),
             **({"import_still_joints": data.still} if data.still else {}),
         }
     )
@@ -164,7 +189,7 @@ def free_rows(data: Data, seed: int) -> dict[str, np.ndarray]:
     """
     rng, piece, null = np.random.default_rng(seed), data.recording.piece, data.felt.null
     touching = np.ones(len(piece), dtype=bool)
-    touching[null] = False
+    touching[null] = touching[data.felt.lost] = False
     turns = (touching[1:] != touching[:-1]) & (piece[1:] == piece[:-1]) & data.felt.successive
     beside = np.append(turns, False) | np.insert(turns, 0, False)
     kinds = null[beside[null]], null[~beside[null]]
@@ -199,45 +224,3 @@ def _content(felt: FoundTouches) -> str:
     for array in (felt.rows, felt.q.astype(np.float32), felt.sensation):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
-
-
-def summary(data: Data, experiment: Experiment) -> list[str]:
-    """Lines that say what the recording holds."""
-    recording, felt = data.recording, data.felt
-    baseline, imported = felt.baseline, experiment.imported
-    assert imported is not None
-    found = [
-        f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
-        f"{len(felt.null):,} feel nothing; {len(felt.rows):,} touches",
-        f"joints: {_listed(recording.joints)}",
-        f"receptors: {_listed(recording.receptors)}; readings "
-        f"{'rise' if baseline.rising else 'fall'} with pressure",
-        f"at rest: {_range(baseline.offset)}, drift {_range(baseline.drift)}, noise "
-        f"{_range(baseline.noise)}, threshold {_range(baseline.threshold)} above rest "
-        "(median, least to most)",
-        baseline.smoothed and "spikes: each reading is the median of three in time",
-        felt.num_lone
-        and f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out",
-        felt.num_fading
-        and f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
-        "readings come back slowly",
-        data.silent and f"receptors that never read anything: {_listed(data.silent)}",
-        data.still and f"joints that never move: {_listed(data.still)}",
-        *(
-            f"column {name} holds {_listed(values)}: if it says what touches, choose one by --rows "
-            f"'{name}={values[0]}'; several that press one part blur its shape"
-            for name, values in recording.choices.items()
-        ),
-        f"limits of plans: {_range(np.array(imported.max_velocity))} per second, "
-        f"{_range(np.array(imported.max_acceleration))} per second²",
-    ]
-    return [line for line in found if isinstance(line, str)]
-
-
-def _listed(names: tuple[str, ...] | list[str]) -> str:
-    more = f", ... {names[-1]}" if len(names) > 8 else ""
-    return f"{len(names)} ({', '.join(names[: 7 if more else 8])}{more})"
-
-
-def _range(values: np.ndarray) -> str:
-    return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"

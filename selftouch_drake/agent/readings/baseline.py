@@ -67,7 +67,8 @@ class Baseline(Record):
         row: `(W,)` rows at which the resting level was estimated, ascending.
         level: `(W, S)` resting level there, in raw units; interpolated linearly in between.
         noise: `(S,)` standard deviation at rest, in raw units.
-        threshold: `(S,)` above rest, in raw units; smaller readings count as 0.
+        threshold: `(S,)` above rest, in raw units; smaller readings count as 0. Infinite for
+            receptors that are set aside.
         spikes: whether there are spikes.
         neighbours: `(S, S)` bool, receptors that feel together, if there are spikes: readings that
             fewer than two neighbours share count as 0. `(0, 0)` if it is unknown who they are.

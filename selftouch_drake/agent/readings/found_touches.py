@@ -16,6 +16,7 @@ from selftouch_drake.agent.readings.baseline import (
     checked_recording,
     estimate_baseline,
 )
+from selftouch_drake.agent.readings.faults import loose_contacts, lost_rows
 
 #: Readings decay slowly if pressure falls in this many times more rows than it rises in. Without
 #: hysteresis the ratio is 1, since random motion looks the same forwards and backwards.
@@ -43,6 +44,10 @@ class FoundTouches:
         num_lone: number of spikes: readings above the threshold that no neighbouring receptors
             shared. They are 0 in `sensation`.
         num_fading: number of rows excluded because pressure fell, if readings decay slowly.
+        lost: `(l,)` rows of lost packets: nearly all receptors are far from rest at once. They are
+            neither in `rows` nor in `null`.
+        loose: `(S,)` bool, receptors set aside as loose contacts. They feel nothing in `sensation`,
+            and their threshold in `baseline` is infinite.
     """
 
     rows: np.ndarray
@@ -53,6 +58,8 @@ class FoundTouches:
     successive: bool
     num_lone: int
     num_fading: int
+    lost: np.ndarray
+    loose: np.ndarray
 
     @property
     def silent(self) -> np.ndarray:
@@ -93,6 +100,44 @@ def find_touches(
             "time, or leave the filter out"
         )
     spikes = False if filtering == "none" else None
+    rough = estimate_baseline(q, readings, spikes=False, **known)
+    if "offset" in known and known["offset"] is not None:
+        rest = estimate_baseline(q, readings, spikes=False)
+    else:
+        rest = rough
+    is_lost = lost_rows(readings, rest.row, rest.level)
+    kept = np.flatnonzero(~is_lost)
+    if is_lost.any():
+        readings = readings[kept]
+        rough = estimate_baseline(q[kept], readings, spikes=False, **known)
+    loose = loose_contacts(rough.touching(readings)[1] > 0, len(readings))
+    if loose.any():
+        readings = readings.copy()
+        readings[:, loose] = np.median(rough.level[:, loose], axis=0).astype(readings.dtype)
+    found = _find(q[kept], readings, successive, filtering, spikes, known)
+    baseline = found.baseline
+    if loose.any():
+        limits = np.where(loose, np.inf, baseline.threshold)
+        baseline = replace(baseline, threshold=limits)
+    return replace(
+        found,
+        rows=kept[found.rows],
+        null=kept[found.null],
+        lost=np.flatnonzero(is_lost),
+        loose=loose,
+        baseline=baseline,
+    )
+
+
+def _find(
+    q: np.ndarray,
+    readings: np.ndarray,
+    successive: bool,
+    filtering: str | None,
+    spikes: bool | None,
+    known: dict[str, Any],
+) -> FoundTouches:
+    """As `find_touches`, from rows and receptors without faults."""
     baseline = estimate_baseline(q, readings, spikes=spikes, **known)
     if successive and (baseline.spikes or filtering == "median"):
         readings = _median_of_three(readings)
@@ -122,6 +167,8 @@ def find_touches(
         successive=successive,
         num_lone=num_lone,
         num_fading=int(fading.sum()),
+        lost=np.zeros(0, dtype=int),
+        loose=np.zeros(readings.shape[1], dtype=bool),
     )
 
 
@@ -139,7 +186,7 @@ def _warn_of_restless_receptors(pressure: np.ndarray, num_rows: int) -> None:
             "half of the receptors feel something in more than half of the rows: record more rows "
             "without a touch, or give the correct offset",
             RestlessWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
 
 
