@@ -41,7 +41,7 @@ _FOLDS, _REFITTED = 5, 30
 _NEIGHBOURS, _MOST_NEIGHBOURHOODS = 5, 300
 # A neighbourhood is coarser than a kernel. A touch is near within this share of the distance to
 # the next one, and so many must be near. Of 100 touches of two cubes the right chains had 0.69 and
-# more, those of readings that mix joints by 0.1 up to 0.46; within the whole distance 0.90 and 0.91.
+# more, those of readings that mix joints by 0.1 up to 0.46; within the whole distance 0.90, 0.91.
 _NEAR, _ACCEPTED = 0.5, 0.6
 # Parameters of a joint that turns or slides; a similarity of all of space changes nothing.
 _OF_JOINT, _OF_SIMILARITY = 5, 7
