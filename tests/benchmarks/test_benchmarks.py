@@ -59,7 +59,7 @@ SMALL: dict[str, list[str]] = {
         *("--targets", "20"),
         *("--pairs", "2"),
     ],
-    "life/walks": ["--experiment", "sphere", "--touches", "200"],
+    "life/walks": ["--experiment", "sphere", "--touches", "50"],
     "accuracy/servo": [
         "cube",
         "--out",
