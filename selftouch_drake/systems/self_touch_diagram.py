@@ -155,7 +155,7 @@ def _show(
     robot, diagram = station.robot, station.diagram
     params = MeshcatVisualizerParams(publish_period=FRAME_S)
     visualizer = builder.AddNamedSystem("meshcat", MeshcatVisualizer(meshcat, params))
-    builder.Connect(diagram.GetOutputPort("query_object"), visualizer.get_input_port())
+    builder.Connect(diagram.GetOutputPort("query_object"), visualizer.query_object_input_port())
     balls = [
         Ball(
             link=int(toucher.link.index()),
