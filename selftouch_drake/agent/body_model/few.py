@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.cluster.vq import kmeans2
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.body_model import structure
 from selftouch_drake.agent.body_model.chain import places
@@ -23,7 +22,7 @@ from selftouch_drake.agent.body_model.judge import (
     unproven,
 )
 from selftouch_drake.agent.body_model.model import JointKind
-from selftouch_drake.agent.body_model.refine import kernel_medians
+from selftouch_drake.agent.body_model.refine import kernel_medians, neighbour_distance
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished, spread
 from selftouch_drake.agent.body_model.structure import Search
 
@@ -171,8 +170,7 @@ def left_out_in_turn(
         place = places(q, again.twists, again.point)
         expected = seen.predicted(place[train], sensed.some(test))
         middle = kernel_medians(place[train], labels[train], int(labels.max()) + 1, least=2)
-        middle = middle[np.isfinite(middle).all(axis=1)]
-        apart = np.median(cKDTree(middle).query(middle, k=2)[0][:, 1])
+        apart = neighbour_distance(middle[np.isfinite(middle).all(axis=1)])
         distance[test] = np.linalg.norm(place[test] - expected, axis=1) / apart
         memory = remembered(q[train], place[train], q[test], np.zeros(len(test)))
         off[test] = np.linalg.norm(memory - expected, axis=2).min(axis=0) / apart

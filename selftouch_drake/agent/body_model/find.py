@@ -26,6 +26,7 @@ from selftouch_drake.agent.body_model.refine import (
     Scene,
     Solution,
     covariance,
+    kernel_sums,
     refined,
     solution_places,
     started,
@@ -239,9 +240,8 @@ def _find_by_sensation(
     solution = carried_over(whole, started(whole, chain.twists, chain.point[None]))
     # Kernels of few touches lie where the sensations of these say.
     number = np.bincount(touches.target, minlength=len(touches.part))[:, None]
-    sums = [np.bincount(touches.target, place, len(number)) for place in chain.place.T]
     with np.errstate(invalid="ignore"):
-        place = np.stack(sums, axis=1) / number
+        place = kernel_sums(chain.place, touches.target, len(number)) / number
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=replace(solution, place=place),
         center=touches.center, scale=touches.scale, kind=chain.kind,

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.fit import Bodies, Descent, Group, Way, random_twists
@@ -15,6 +14,7 @@ from selftouch_drake.agent.body_model.refine import (
     Solution,
     all_places,
     kernel_medians,
+    neighbour_distance,
     started,
 )
 from selftouch_drake.agent.body_model.structure import Search
@@ -149,7 +149,7 @@ def explained(scene: Scene, solution: Solution, part: int) -> float:
     known = np.flatnonzero(np.isfinite(middle).all(axis=1))
     if len(known) < 8:
         return 0.0
-    apart = np.median(cKDTree(middle[known]).query(middle[known], k=2)[0][:, 1])
+    apart = neighbour_distance(middle[known])
     far = np.linalg.norm(Y - middle[target], axis=2).min(axis=0)
     return float(
         (far[np.isfinite(far)] < apart).sum() / max(np.isfinite(middle[target][:, 0]).sum(), 1)

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.body_model.refine import kernel_medians
+from selftouch_drake.agent.body_model.refine import kernel_medians, neighbour_distance
 
 #: A part is accepted above this share of near touches among held-out inliers.
 ACCEPTED = 0.85
@@ -140,7 +140,7 @@ def judged(train: Sample, test: Sample, *, parameters: int, number: int) -> Judg
     few = _too_few(len(train.q), parameters, len(test.q), len(known))
     if few:
         return unproven(few, len(test.q))
-    apart = float(np.median(cKDTree(middle[known]).query(middle[known], k=2)[0][:, 1]))
+    apart = neighbour_distance(middle[known])
     radius, there = distant(train, own, test)
     away = test.places - there[:, None]
     distance = np.nan_to_num(np.linalg.norm(away, axis=2), nan=np.inf)

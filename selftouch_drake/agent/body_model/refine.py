@@ -194,7 +194,7 @@ def _bulges(
     return slopes
 
 
-def _kernel_sums(values: np.ndarray, target: np.ndarray, number: int) -> np.ndarray:
+def kernel_sums(values: np.ndarray, target: np.ndarray, number: int) -> np.ndarray:
     """Sums of `(n, ...)` values over the touches of each kernel."""
     flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
     sums = [np.bincount(target, weights=flat[:, k], minlength=number) for k in range(flat.shape[1])]
@@ -214,6 +214,11 @@ def kernel_medians(Y: np.ndarray, target: np.ndarray, number: int, least: int = 
         low = ordered[start[has] + (count[has] - 1) // 2]
         found[has, axis] = (low + ordered[start[has] + count[has] // 2]) / 2
     return found
+
+
+def neighbour_distance(place: np.ndarray) -> float:
+    """The median distance from each of the `(n, 3)` known places to the nearest other."""
+    return float(np.median(cKDTree(place).query(place, k=2)[0][:, 1]))
 
 
 def normals(place: np.ndarray, part: np.ndarray) -> np.ndarray:
@@ -320,7 +325,7 @@ def expected(
 def _shared(scene: Scene, solution: Solution, Y: np.ndarray) -> Solution:
     """The solution with the probabilities of who touched."""
     share = np.zeros_like(solution.share)
-    weight = _kernel_sums(solution.share.sum(axis=1), scene.target, len(scene.part))
+    weight = kernel_sums(solution.share.sum(axis=1), scene.target, len(scene.part))
     for part in scene.parts:
         rows = scene.rows(part)
         touchers = scene.touchers(part)
@@ -378,8 +383,8 @@ def settled(
     number = len(scene.part)
     share = solution.share
     held = np.einsum("nu,una->na", share, np.nan_to_num(Y))
-    mass = _kernel_sums(share.sum(axis=1), scene.target, number)
-    sums = _kernel_sums(held, scene.target, number)
+    mass = kernel_sums(share.sum(axis=1), scene.target, number)
+    sums = kernel_sums(held, scene.target, number)
     with np.errstate(invalid="ignore", divide="ignore"):
         fresh = sums / mass[:, None]
     place = np.where((mass > 0.5)[:, None], fresh, solution.place)
@@ -482,13 +487,13 @@ def equations(scene: Scene, solution: Solution) -> Equations:
             r, t = y - solution.place[target], y - center
             pull = np.einsum("nab,nb->na", W[target], r) - (free / count) * t @ total_inverse
             own = np.einsum("n,na,nap->np", factor, pull, slope)
-            sums = _kernel_sums(own, target, number)
+            sums = kernel_sums(own, target, number)
             scores[:, columns] += sums
             root = np.linalg.cholesky(W[target]).swapaxes(1, 2) * np.sqrt(factor)[:, None, None]
             tall = (root @ slope).reshape(-1, len(columns))
             hessian[np.ix_(columns, columns)] += tall.T @ tall
             flat = (factor[:, None, None] * slope).reshape(len(kept), 3 * len(columns))
-            mean_slope[:, :, columns] += _kernel_sums(flat, target, number).reshape(
+            mean_slope[:, :, columns] += kernel_sums(flat, target, number).reshape(
                 number, 3, len(columns)
             )
             mass += np.bincount(target, weights=factor, minlength=number)

@@ -16,12 +16,17 @@ def an_arm(seed=1, joints=4, slides=()):
     return twists, random.standard_normal(3)
 
 
+def a_ball(random, twists, point):
+    """Centre and radius of a ball in the middle of where the point comes."""
+    cloud = places(random.uniform(-1.5, 1.5, (2000, len(twists))), twists, point)
+    center = np.median(cloud, axis=0)
+    return center, np.median(np.linalg.norm(cloud - center, axis=1))
+
+
 def touches(twists, point, *, number=4000, kernels=150, seed=0, noise=0.0):
     """`(n, J)` configurations that touch a sphere, `(n,)` the nearest of K places on it."""
     random = np.random.default_rng(seed)
-    cloud = places(random.uniform(-1.5, 1.5, (2000, len(twists))), twists, point)
-    center = np.median(cloud, axis=0)
-    radius = np.median(np.linalg.norm(cloud - center, axis=1))
+    center, radius = a_ball(random, twists, point)
     q, y = [], []
     while sum(map(len, q)) < number:
         tried = random.uniform(-1.5, 1.5, (200_000, len(twists)))
@@ -56,9 +61,7 @@ def misfit(found, true):
 def rolling(twists, point, shape, *, number=3000, kernels=150, seed=0):
     """As `touches`, of a toucher with a shape; places are those of a ball that touches there."""
     random = np.random.default_rng(seed)
-    cloud = places(random.uniform(-1.5, 1.5, (2000, len(twists))), twists, point)
-    center = np.median(cloud, axis=0)
-    radius = np.median(np.linalg.norm(cloud - center, axis=1))
+    center, radius = a_ball(random, twists, point)
     q, y = [], []
     while sum(map(len, q)) < number:
         tried = random.uniform(-1.5, 1.5, (200_000, len(twists)))
