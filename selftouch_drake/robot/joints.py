@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, WeldJoint
 
 from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.robot.facts import Parsed, check_facts
 from selftouch_drake.robot.links import all_joints, find_named
 from selftouch_drake.robot.models import RobotModel, parse
 
@@ -14,26 +15,35 @@ from selftouch_drake.robot.models import RobotModel, parse
 _NO_LIMIT = 1e10
 
 
-def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel) -> None:
+def fix_joints(
+    plant: MultibodyPlant, experiment: Experiment, model: RobotModel, parsed: Parsed
+) -> None:
     """Welds joints that do not move at their default positions, and checks those that move.
 
     Each joint that moves gets one actuator, if its model gives it none. Joints move independently:
-    where a model couples joints, `robot.joints` says which ones move; the coupling is ignored. The
-    plant holds the robot of the model, and is not yet finalized.
+    where a model couples joints, or has other kinds of joints, `robot.joints` says which ones move;
+    the coupling is ignored. The plant holds the robot of the model, as `parsed`, and is not yet
+    finalized.
 
     Raises:
-        ExperimentError: a part floats freely, or a joint cannot move as it is asked to.
+        ExperimentError: a part floats freely, Drake did not read what a file says, or a joint
+            cannot move as it is asked to.
     """
     bare = MultibodyPlant(time_step=0.0)
-    parse(bare, model)
+    facts = parse(bare, model)
     bare.Finalize()
+    check_facts(bare, facts)
     if free := [bare.get_body(i).name() for i in sorted(bare.GetFloatingBaseBodies())]:
         raise ExperimentError(
             f"robot.directives leaves {free[0]!r} free to float; weld it to the world (add_weld)"
         )
     joints = all_joints(plant)
-    moving = _moving_joints(plant, experiment.robot.joints)
-    _remove_couplings(plant, chosen=experiment.robot.joints is not None)
+    chosen = experiment.robot.joints
+    if chosen is None:
+        _require_free_joints(joints, plant, parsed)
+    moving = _moving_joints(plant, chosen)
+    for constraint in plant.GetConstraintIds():
+        plant.RemoveConstraint(constraint)
     for joint in moving:
         _check_limits(joint)
     _give_actuators(plant, moving)
@@ -80,16 +90,46 @@ def _moving_joints(plant: MultibodyPlant, names: Sequence[str] | None) -> list[J
     return moving
 
 
-def _remove_couplings(plant: MultibodyPlant, *, chosen: bool) -> None:
-    """Removes all couplings between joints, if the experiment has chosen which joints move."""
-    constraints = plant.GetConstraintIds()
-    if constraints and not chosen:
-        raise ExperimentError(
-            "robot.joints is null, but some joints of the model are coupled (as by <mimic>); name "
-            "those that move independently"
+def _require_free_joints(joints: Sequence[Joint], plant: MultibodyPlant, parsed: Parsed) -> None:
+    """Refuses a robot whose joints do not all move on their own, each in one way.
+
+    Raises:
+        ExperimentError: a joint follows others, a loop is closed, or a joint moves in several ways;
+            the text has the joints that can be named in `robot.joints`.
+    """
+    followers = {name: how for _, facts in parsed for name, how in facts.followers.items()}
+    loops = [loop for _, facts in parsed for loop in facts.loops]
+    free = [joint.name() for joint in joints if _can_move(joint) and joint.name() not in followers]
+    others = [j for j in joints if j.num_positions() and not _can_move(j)]
+    if others:
+        reason = f"joint {others[0].name()!r} is a {_KINDS.get(others[0].type_name(), 'joint of its own kind')}"
+    elif followers:
+        reason = "some joints are coupled: " + ", ".join(
+            f"{name!r} {how}" for name, how in list(followers.items())[:_MOST_NAMED]
         )
-    for constraint in constraints:
-        plant.RemoveConstraint(constraint)
+    elif loops:
+        reason = f"{loops[0]} closes a loop between bodies"
+    elif plant.GetConstraintIds():
+        reason = "some joints are coupled"
+    else:
+        return
+    raise ExperimentError(
+        f"robot.joints is null, but {reason}; name the joints that move on their own, as in "
+        f"joints: [{', '.join(free)}]: the others are welded"
+    )
+
+
+# How a joint moves that does not turn about one axis or slide along one.
+_KINDS = {
+    "ball_rpy": "ball joint",
+    "quaternion_floating": "free joint",
+    "rpy_floating": "free joint",
+    "planar": "planar joint",
+    "screw": "screw",
+    "universal": "universal joint",
+}
+# Joints that an error explains.
+_MOST_NAMED = 4
 
 
 def _check_limits(joint: Joint) -> None:

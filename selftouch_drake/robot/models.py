@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import unquote
 from xml.parsers.expat import ExpatError
 
+import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.multibody.parsing import (
     LoadModelDirectives,
@@ -24,9 +25,14 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 
 from selftouch_drake.experiment import ExperimentError, closest
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.resources import MODELS
 from selftouch_drake.robot.converted import as_obj, cache_folder, cached_copy
-from selftouch_drake.robot.mjcf import limit_efforts, mjcf_efforts
+from selftouch_drake.robot.facts import ModelFacts, Parsed, apply_facts
+from selftouch_drake.robot.mjcf import strip_for_drake, write_out
+from selftouch_drake.robot.mjcf_facts import mjcf_facts
+from selftouch_drake.robot.model_warnings import warn_of_model
+from selftouch_drake.robot.urdf import refuse_xacro, sdf_facts, urdf_facts
 
 # The package of the shipped models, which is always there.
 SHIPPED = "selftouch_drake"
@@ -42,11 +48,13 @@ class RobotModel:
         packages: absolute roots of `package://` URIs, by name.
         files: every file whose content decides the robot, as its author wrote it: directives,
             models, what they include, and meshes.
+        facts: what Drake's parser leaves out, by the path at which Drake reads a model.
     """
 
     directives: ModelDirectives
     packages: Mapping[str, Path]
     files: tuple[Path, ...]
+    facts: Mapping[str, ModelFacts]
 
 
 def load_model(
@@ -72,24 +80,36 @@ def load_model(
     if reader.num_converted and announce is not None:
         number = f"{reader.num_converted} mesh" + ("es" if reader.num_converted > 1 else "")
         announce(f"converted {number} to OBJ into {cache_folder() / 'meshes'}")
-    return RobotModel(directives=loaded, packages=roots, files=tuple(reader.files))
+    return RobotModel(directives=loaded, packages=roots, files=tuple(reader.files), facts=reader.facts)
 
 
-def parse(plant: MultibodyPlant, model: RobotModel) -> None:
-    """Adds a robot to a plant.
+def parse(plant: MultibodyPlant, model: RobotModel, *, warn: bool = False) -> Parsed:
+    """Adds a robot to a plant, with all that its files say; to `warn` shows what Drake warns of.
+
+    Returns:
+        The facts of each model, for `check_facts` and `ContactRules`.
 
     Raises:
         ExperimentError: a model does not parse; the text is Drake's own, in one line.
+
+    Warns:
+        ModelWarning: Drake, or this program, leaves out something that a file says.
     """
     parser = Parser(plant)
     for name, root in model.packages.items():
         parser.package_map().Add(name, str(root))
-    with one_line("robot.directives cannot be loaded"):
+    with one_line("robot.directives cannot be loaded") as logged:
         loaded = ProcessModelDirectives(model.directives, parser)
-    for info in loaded:
-        if info.model_path.endswith(".xml"):
-            efforts = mjcf_efforts(_read_xml(Path(info.model_path)))
-            limit_efforts(plant, info.model_instance, efforts)
+    if warn:
+        warn_of_model([r.getMessage() for r in logged], model.facts)
+    parsed = [
+        (info.model_instance, model.facts[info.model_path])
+        for info in loaded
+        if info.model_path in model.facts
+    ]
+    for instance, facts in parsed:
+        apply_facts(plant, instance, facts)
+    return parsed
 
 
 def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
@@ -120,6 +140,7 @@ class _Reader:
         self._roots, self._drake = roots, PackageMap()
         self._open: list[Path] = []
         self.files: dict[Path, None] = {}  # an ordered set
+        self.facts: dict[str, ModelFacts] = {}
         self.num_converted = 0
 
     def find(self, uri: str, folder: Path, *, what: str) -> Path:
@@ -152,7 +173,7 @@ class _Reader:
             raise ExperimentError(f"{what} is {uri!r}; give a path, or package://NAME/PATH")
         if not path.exists():
             raise ExperimentError(f"{what} is {uri!r}, and {path} does not exist; correct the path")
-        return path.resolve()
+        return _model_in(path, what) if path.is_dir() else path.resolve()
 
     def directives(self, path: Path) -> tuple[ModelDirectives, bool]:
         """Directives with absolute files in them, and whether one of these is a copy."""
@@ -179,24 +200,43 @@ class _Reader:
         """Reads a model file; returns where Drake is to read it, which may be a copy."""
         with self._reading(path):
             suffix = path.suffix.lower()
-            if suffix not in _NAMING:  # Drake says what is wrong with it.
+            if suffix not in (".xacro", *_NAMING):  # Drake says what is wrong with it.
                 return path
             document = _read_xml(path)
-            if suffix == ".xml":
+            is_changed, facts = False, None
+            if document.documentElement.tagName == "mujoco":
                 self._join_included(document, document, path.parent)
-            places = []
-            for node, folder, taken in _references(document, suffix, path.parent):
-                # An attribute, or the text of an element; else it names no file.
-                is_text = isinstance(node, xml.dom.minidom.Attr | xml.dom.minidom.Text)
-                if is_text and (uri := node.nodeValue.strip()):
-                    file = self.find(uri, folder, what=f"file in {path}")
-                    places.append((node, file, self._place(file, taken)))
-        if all(file == place for _, file, place in places):
-            return path
-        for node, _, place in places:
-            # All of them: a relative path would start in the cache.
-            node.nodeValue = str(place)
-        return cached_copy(path.name, document.toxml())
+                write_out(document, path=path)
+                facts, is_changed = mjcf_facts(document, path), True
+                strip_for_drake(document)
+            elif document.documentElement.tagName == "sdf":
+                facts = sdf_facts(document, path)
+            else:
+                refuse_xacro(document, path)
+                facts = urdf_facts(document, path)
+            is_changed |= self._name_files(document, path, suffix)
+        place = cached_copy(path.name, document.toxml()) if is_changed else path
+        self.facts[str(place)] = facts
+        return place
+
+    def _name_files(self, document: xml.dom.minidom.Document, path: Path, suffix: str) -> bool:
+        """Writes where Drake is to read the files that a model names; whether one is new."""
+        places = []
+        is_changed = False
+        for node, folder, taken in _references(document, suffix, path.parent):
+            # An attribute, or the text of an element; else it names no file.
+            is_text = isinstance(node, xml.dom.minidom.Attr | xml.dom.minidom.Text)
+            if is_text and (uri := node.nodeValue.strip()):
+                file = self.find(uri, folder, what=f"file in {path}")
+                place = self._place(file, taken)
+                places.append((node, place))
+                is_changed |= file != place or not Path(uri).suffix  # of a folder
+        is_changed |= _write_hulls(document)
+        if is_changed or document.documentElement.tagName == "mujoco":
+            for node, place in places:
+                # All of them: a relative path would start in the cache.
+                node.nodeValue = str(place)
+        return is_changed
 
     def _place(self, file: Path, taken: frozenset[str] | None) -> Path:
         """Where Drake is to read a file that a model names."""
@@ -244,10 +284,8 @@ def _references(
     document: xml.dom.minidom.Document, suffix: str, folder: Path
 ) -> Iterator[tuple[Any, Path, frozenset[str] | None]]:
     """XML nodes that name other files, where a relative path starts, and what Drake takes."""
-    if suffix == ".xml":
-        for compiler in document.getElementsByTagName("compiler"):
-            meshes = compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir")
-            folder = folder / meshes
+    for compiler in document.getElementsByTagName("compiler"):  # a single one is left
+        folder = folder / compiler.getAttribute("meshdir")
     for tag, attribute, taken in _NAMING[suffix]:
         for element in document.getElementsByTagName(tag):
             if attribute:
@@ -255,6 +293,46 @@ def _references(
             else:
                 for uri in element.getElementsByTagName("uri") or [element]:
                     yield uri.firstChild, folder, taken
+
+
+def _model_in(folder: Path, what: str) -> Path:
+    """The newest model of a folder as Gazebo's, which a `model.config` describes.
+
+    Raises:
+        ExperimentError: there is no such description, or it names no model.
+    """
+    config = folder / "model.config"
+    if not config.is_file():
+        raise ExperimentError(
+            f"{what} is the folder {folder}, which has no model.config; name a file in it"
+        )
+    named = [
+        ([int(word) for word in node.getAttribute("version").split(".") if word.isdigit()], node)
+        for node in _read_xml(config).getElementsByTagName("sdf")
+        if node.firstChild is not None
+    ]
+    if not named:
+        raise ExperimentError(f"{config} names no <sdf> file; correct it")
+    _, newest = max(named, key=lambda each: each[0])
+    file = folder / newest.firstChild.nodeValue.strip()
+    if not file.is_file():
+        raise ExperimentError(f"{config} names {file}, which does not exist; correct the path")
+    return file.resolve()
+
+
+def _write_hulls(document: xml.dom.minidom.Document) -> bool:
+    """Gives meshes of MJCF whose vertices are in the model a file with their hull."""
+    found = False
+    for mesh in document.getElementsByTagName("mesh"):
+        if not (vertices := mesh.getAttribute("vertex")) or mesh.getAttribute("file"):
+            continue
+        points = np.array(vertices.split(), dtype=float).reshape(-1, 3)
+        hull = trimesh.Trimesh(points).convex_hull
+        text = trimesh.exchange.obj.export_obj(hull, include_normals=False)
+        mesh.setAttribute("file", str(cached_copy(f"{mesh.getAttribute('name')}.obj", text)))
+        mesh.removeAttribute("vertex")
+        found = True
+    return found
 
 
 # What Drake 1.51 and 1.58 take as collision geometry, and draw.
@@ -289,10 +367,10 @@ def _buffers(path: Path) -> list[Path]:
 
 
 @contextlib.contextmanager
-def one_line(what: str) -> Iterator[None]:
+def one_line(what: str) -> Iterator[list[logging.LogRecord]]:
     """Makes one line of what Drake raises, and keeps what it logs from the terminal.
 
-    Drake warns of everything in a model that it does not use, such as the whole `contact` of MJCF.
+    What it logs is added to the list that this yields.
 
     Raises:
         ExperimentError: Drake raised something; the text is `what` and Drake's own.
@@ -302,7 +380,7 @@ def one_line(what: str) -> Iterator[None]:
     log.addHandler(kept)
     log.propagate = False
     try:
-        yield
+        yield kept.buffer
     except ExperimentError:
         raise
     # What pydrake makes of C++ exceptions; some of Drake's checks log what is wrong and then raise

@@ -19,6 +19,7 @@ from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.experiment.schema import ReadingSettings
+from selftouch_drake.robot.facts import ContactRules
 from selftouch_drake.robot.kinematics import TreeJoint, joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
@@ -84,12 +85,20 @@ class Neighbours:
 
     Next to each other are two links with one joint between them, or several that turn at one place,
     as in a spherical wrist: the links between those have no length. So are links between which
-    there are only massless ones, which a parser puts between several joints of one body. The
-    models may name more, in collision filter groups of `own_geometries`. The plant is finalized.
+    there are only links without mass and geometry, which a parser puts between several joints of
+    one body. The models may name more, in collision filter groups of `own_geometries`, or as
+    excluded. The plant is finalized.
     """
 
-    def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph, own: OwnGeometries):
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        own: OwnGeometries,
+        rules: ContactRules,
+    ):
         self._inspector, self._own = scene_graph.model_inspector(), own
+        self._rules = rules
         # A group is called after its first link.
         self._group = {
             int(link.index()): min(int(one.index()) for one in plant.GetBodiesWeldedTo(link))
@@ -108,18 +117,23 @@ class Neighbours:
             parent, _ = ends[number]
             starts.append({parent})
             carried = plant.GetBodiesWeldedTo(each.near.body())
-            is_massless = not sum(body.default_mass() for body in carried)
+            is_between_joints = not any(self._is_anything(link, plant) for link in carried)
             for before in range(number):
                 _, child_before = ends[before]
                 if child_before != parent:
                     continue
-                if is_massless or _turn_at_one_place(tree[before], each, context):
+                if is_between_joints or _turn_at_one_place(tree[before], each, context):
                     starts[number] |= starts[before]
         return {
             frozenset((start, child))
             for (_, child), reached in zip(ends, starts, strict=True)
             for start in reached
         }
+
+    def _is_anything(self, link: RigidBody, plant: MultibodyPlant) -> bool:
+        """Whether a link has mass or geometry: its own, a skin or a toucher."""
+        frame = plant.GetBodyFrameIdOrThrow(link.index())
+        return bool(link.default_mass() or self._inspector.NumGeometriesForFrame(frame))
 
     def of(self, link: RigidBody) -> int:
         """The number of the group of links that move as one."""
@@ -128,6 +142,8 @@ class Neighbours:
     def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
         """Whether two links are one, or next to each other, or filtered by their models."""
         if self.of(a) == self.of(b) or {self.of(a), self.of(b)} in self._adjacent:
+            return True
+        if self._rules.are_excluded(a, b):
             return True
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.
@@ -197,6 +213,7 @@ def own_geometries(plant: MultibodyPlant, scene_graph: SceneGraph) -> OwnGeometr
 def rigid_pairs(
     plant: MultibodyPlant,
     neighbours: Neighbours,
+    rules: ContactRules,
     own: OwnGeometries,
     experiment: Experiment,
     worn: Sequence[WornSkin],
@@ -213,12 +230,23 @@ def rigid_pairs(
     for a, b in itertools.combinations(own, 2):
         links = plant.get_body(a), plant.get_body(b)
         if not neighbours.are_neighbours(*links):
-            yield RigidPair(
-                links=links,
-                geometry_ids=(own[a], own[b]),
-                allowed_depth=experiment.robot.collision_depth
-                + sum(softness.get(link.index(), 0.0) for link in links),
-            )
+            depth = experiment.robot.collision_depth
+            depth += sum(softness.get(link.index(), 0.0) for link in links)
+            for geometries in _that_collide(own[a], own[b], rules):
+                yield RigidPair(links=links, geometry_ids=geometries, allowed_depth=depth)
+
+
+def _that_collide(
+    of_a: Sequence[GeometryId], of_b: Sequence[GeometryId], rules: ContactRules
+) -> Iterator[tuple[tuple[GeometryId, ...], tuple[GeometryId, ...]]]:
+    """Geometries of two links, in groups of which each one collides with each of the other link."""
+    groups: dict[tuple[GeometryId, ...], list[GeometryId]] = {}
+    for a in of_a:
+        partners = tuple(b for b in of_b if rules.collide(a, b))
+        if partners:
+            groups.setdefault(partners, []).append(a)
+    for partners, alike in groups.items():
+        yield tuple(alike), partners
 
 
 def leave_to_collide(

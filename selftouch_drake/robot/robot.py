@@ -11,9 +11,11 @@ from pydrake.multibody.tree import Joint, PdControllerGains, RevoluteJoint
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.experiment.schema import ExecutionSettings
 from selftouch_drake.robot.changes import change_joints
+from selftouch_drake.robot.facts import ContactRules, Parsed
 from selftouch_drake.robot.joints import fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import scoped_name
+from selftouch_drake.robot.masses import require_masses
 from selftouch_drake.robot.models import load_model, parse
 from selftouch_drake.robot.pairs import (
     Neighbours,
@@ -144,7 +146,7 @@ class BabblingJoints:
         Raises:
             ExperimentError: as in `MakeRobot`.
         """
-        plant = _make_plant(experiment)
+        plant, _ = _make_plant(experiment)
         plant.Finalize()
         return BabblingJoints.of_plant(plant, experiment)
 
@@ -205,7 +207,7 @@ def MakeRobot(
         ExperimentError: the experiment names what the robot does not have, or a joint that cannot
             move; nothing can touch a skin.
     """
-    plant = _make_plant(experiment, scene_graph)
+    plant, parsed = _make_plant(experiment, scene_graph)
     own = own_geometries(plant, scene_graph)
 
     worn = [RegisterSkin(plant, skin, visible=False, soft=soft) for skin in skins]
@@ -218,9 +220,11 @@ def MakeRobot(
         plant.get_mutable_joint_actuator(actuator).set_controller_gains(gains)
     plant.Finalize()
 
-    neighbours = Neighbours(plant, scene_graph, own)
+    require_masses(plant)
+    rules = ContactRules(plant, scene_graph.model_inspector(), parsed)
+    neighbours = Neighbours(plant, scene_graph, own, rules)
     pairs = touching_pairs(neighbours, touchers, worn)
-    rigid = tuple(rigid_pairs(plant, neighbours, own, experiment, worn))
+    rigid = tuple(rigid_pairs(plant, neighbours, rules, own, experiment, worn))
     leave_to_collide(scene_graph, worn, touchers, pairs)
     frames = [skin.link.body_frame() for skin in worn] + [t.frame for t in touchers]
     return Robot(
@@ -235,8 +239,10 @@ def MakeRobot(
     )
 
 
-def _make_plant(experiment: Experiment, scene_graph: SceneGraph | None = None) -> MultibodyPlant:
-    """The links and the moving joints of an experiment, before the plant is finalized."""
+def _make_plant(
+    experiment: Experiment, scene_graph: SceneGraph | None = None
+) -> tuple[MultibodyPlant, Parsed]:
+    """The links and the moving joints of an experiment, not finalized, and the facts of models."""
     plant = MultibodyPlant(time_step=experiment.execution.time_step)
     plant.set_name("plant")
     plant.set_contact_model(ContactModel.kHydroelasticWithFallback)
@@ -248,7 +254,7 @@ def _make_plant(experiment: Experiment, scene_graph: SceneGraph | None = None) -
     if scene_graph is not None:
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     model = load_model(experiment.robot.directives, experiment.robot.packages)
-    parse(plant, model)
+    parsed = parse(plant, model, warn=True)
     change_joints(plant, experiment)
-    fix_joints(plant, experiment, model)
-    return plant
+    fix_joints(plant, experiment, model, parsed)
+    return plant, parsed
