@@ -140,12 +140,14 @@ def _check_limits(joint: Joint) -> None:
     )
     if isinstance(joint, PrismaticJoint) and not (np.isfinite(lower) and np.isfinite(upper)):
         raise ExperimentError(
-            f"joint {joint.name()!r} slides without limits; give it limits in its model"
+            f"joint {joint.name()!r} slides without limits; give it limits in its model, or leave "
+            "it out of robot.joints"
         )
     if lower >= upper:
         raise ExperimentError(
-            f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot "
-            "move; correct its model, or name the other joints in robot.joints"
+            f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot move; "
+            "correct its model (in URDF, a limit that is left out is 0), or name the other joints "
+            "in robot.joints"
         )
     joint.set_position_limits([lower], [upper])
 

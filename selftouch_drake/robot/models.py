@@ -32,7 +32,7 @@ from selftouch_drake.robot.facts import ModelFacts, Parsed, apply_facts
 from selftouch_drake.robot.mjcf import strip_for_drake, write_out
 from selftouch_drake.robot.mjcf_facts import mjcf_facts
 from selftouch_drake.robot.model_warnings import warn_of_model
-from selftouch_drake.robot.urdf import refuse_xacro, sdf_facts, urdf_facts
+from selftouch_drake.robot.urdf import number_actuators, refuse_xacro, sdf_facts, urdf_facts
 
 # The package of the shipped models, which is always there.
 SHIPPED = "selftouch_drake"
@@ -98,7 +98,7 @@ def parse(plant: MultibodyPlant, model: RobotModel, *, warn: bool = False) -> Pa
     parser = Parser(plant)
     for name, root in model.packages.items():
         parser.package_map().Add(name, str(root))
-    with one_line("robot.directives cannot be loaded") as logged:
+    with one_line("robot.directives cannot be loaded", model.facts) as logged:
         loaded = ProcessModelDirectives(model.directives, parser)
     if warn:
         warn_of_model([r.getMessage() for r in logged], model.facts)
@@ -213,7 +213,7 @@ class _Reader:
                 facts = sdf_facts(document, path)
             else:
                 refuse_xacro(document, path)
-                facts = urdf_facts(document, path)
+                facts, is_changed = urdf_facts(document, path), number_actuators(document)
             is_changed |= self._name_files(document, path, suffix)
         place = cached_copy(path.name, document.toxml()) if is_changed else path
         self.facts[str(place)] = facts
@@ -367,10 +367,13 @@ def _buffers(path: Path) -> list[Path]:
 
 
 @contextlib.contextmanager
-def one_line(what: str) -> Iterator[list[logging.LogRecord]]:
+def one_line(
+    what: str, copies: Mapping[str, ModelFacts] | None = None
+) -> Iterator[list[logging.LogRecord]]:
     """Makes one line of what Drake raises, and keeps what it logs from the terminal.
 
-    What it logs is added to the list that this yields.
+    What it logs is added to the list that this yields. Of copies in the cache, by their path, an
+    error names the file that they were made of.
 
     Raises:
         ExperimentError: Drake raised something; the text is `what` and Drake's own.
@@ -388,6 +391,8 @@ def one_line(what: str) -> Iterator[list[logging.LogRecord]]:
     except (RuntimeError, ValueError, IndexError, SystemExit) as error:
         errors = [r.getMessage() for r in kept.buffer if r.levelno >= logging.ERROR]
         reason = " ".join("; ".join(errors or [str(error)]).split())
+        for copy, facts in (copies or {}).items():
+            reason = reason.replace(copy, str(facts.path))
         raise ExperimentError(f"{what}: {reason[:500]}") from error
     finally:
         log.removeHandler(kept)

@@ -28,6 +28,22 @@ def refuse_xacro(document: Any, path: Path) -> None:
         )
 
 
+def number_actuators(document: Any) -> bool:
+    """Gives actuators whose names repeat numbers, because only Drake wants each name once.
+
+    Returns:
+        Whether there are any.
+    """
+    names: list[str] = []
+    for transmission in document.getElementsByTagName("transmission"):
+        for actuator in transmission.getElementsByTagName("actuator"):
+            name = actuator.getAttribute("name")
+            if name in names:
+                actuator.setAttribute("name", f"{name}_{len(names)}")
+            names.append(name)
+    return len(set(names)) < len(names)
+
+
 def urdf_facts(document: Any, path: Path) -> ModelFacts:
     """Reads limits, efforts and couplings of the joints of a URDF.
 
