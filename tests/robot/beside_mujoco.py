@@ -194,3 +194,23 @@ def compare(loaded, model, number=4):
         if not np.allclose([loaded.lower[j], loaded.upper[j]], limits, atol=1e-9):
             found.append(f"{name}: {loaded.lower[j]} to {loaded.upper[j]}, not {limits}")
     return found
+
+
+def lighter_or_heavier(loaded, model):
+    """Links whose mass, centre of mass or inertia is not MuJoCo's, with how far off each is."""
+    bodies = {name: number for number, name in enumerate(body_names(model))}
+    found = []
+    for link in loaded.links:
+        if (body := bodies.get(link)) is None or not model.body_mass[body]:
+            continue
+        inertia = loaded.plant.GetBodyByName(link).default_spatial_inertia()
+        centre = inertia.get_com()
+        moments = inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
+        off = (
+            inertia.get_mass() / model.body_mass[body] - 1,
+            *(centre - model.body_ipos[body]),
+            *(np.linalg.eigvalsh(moments) / np.sort(model.body_inertia[body]) - 1),
+        )
+        if np.abs(off).max() > 1e-6:
+            found.append((link, off))
+    return found
