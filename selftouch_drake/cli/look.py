@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from selftouch_drake.cli.opening import begin, is_run, load, open_to_write
+from selftouch_drake.cli.opening import (
+    begin,
+    is_run,
+    load,
+    open_to_write,
+    require_something_to_show,
+)
 from selftouch_drake.cli.options import (
     BODY,
     EXPERIMENT,
@@ -92,6 +98,7 @@ def play(run: Path, port: int | None) -> None:
     from selftouch_drake.run.directory import RunDirectory
 
     directory = RunDirectory.open(run)
+    require_something_to_show(directory, "play")
 
     from selftouch_drake.show.outputs import play as show
 

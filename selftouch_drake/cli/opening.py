@@ -48,6 +48,20 @@ def open_to_write(run: Path) -> "RunDirectory":
     return directory
 
 
+def require_something_to_show(directory: "RunDirectory", verb: str) -> None:
+    """Refuses to record or play an imported run, and says what can be done instead."""
+    from selftouch_drake.run.directory import MissingError
+
+    if directory.experiment.imported is not None:
+        run = directory.path
+        raise MissingError(
+            f"{directory.experiment.name} was imported, without a robot to simulate, so there is "
+            f"nothing to {verb}: `selftouch report {run}` draws the body that it recovered, "
+            f"`selftouch live {run}` lets the agent live through the recording, and "
+            f"`selftouch plan {run} --from 0 --to 1` writes a joint trajectory for the robot"
+        )
+
+
 def is_run(experiment: str) -> bool:
     """Whether this is the directory of a run, and no experiment."""
     return (Path(experiment) / "experiment.yaml").is_file()

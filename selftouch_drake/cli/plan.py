@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from selftouch_drake.cli.opening import in_a_body, of_a_run
+from selftouch_drake.cli.opening import in_a_body, of_a_run, require_something_to_show
 from selftouch_drake.cli.options import numbers
 
 if TYPE_CHECKING:
@@ -69,9 +69,7 @@ def plan(directory: "RunDirectory", targets: list) -> None:
         motion = _plan_in_a_body(directory, targets, q_start)
     click.echo(f"route: {route_in_words(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     path = directory.plan(*targets)
-    click.echo(f"plan: {path}")
-    if imported:
-        click.echo(f"joint trajectory: {path.with_suffix('.csv')}")
+    click.echo(f"plan: {path}\njoint trajectory: {path.with_suffix('.csv')}")
 
 
 @click.command()
@@ -107,7 +105,9 @@ def execute(directory: "RunDirectory", targets: list, max_tries: int | None) -> 
     click.echo(f"tracking: {tracking_in_words(kept.execution, world)}")
     click.echo(f"in contact: {kept.contact:.1%} of the time")
     click.echo(f"sensation {targets[-1]}: {'reached' if kept.reached else 'missed'}")
-    click.echo(f"plan: {directory.plan(*targets)}")
+    path, rows = directory.plan(*targets), len(kept.execution.q_measured)
+    click.echo(f"stored: what the joints did (q_measured) and what was felt (felt), {rows} rows")
+    click.echo(f"plan: {path}\njoint trajectory: {path.with_suffix('.csv')}")
 
 
 @click.command()
@@ -118,6 +118,8 @@ def record(directory: "RunDirectory", targets: list) -> None:
     The HTML page is written beside the plan in the run directory RUN, and needs no network. The
     report has a recording of its own.
     """
+    require_something_to_show(directory, "record")
+
     from selftouch_drake.show.outputs import write_recording
 
     path = write_recording(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))

@@ -17,6 +17,7 @@ from pydrake.multibody.plant import ContactResults, ContactResultsToLcmSystem, M
 from pydrake.systems.lcm import _Serializer_
 
 from selftouch_drake.compiled import compiled
+from selftouch_drake.robot.models import one_line
 
 # As they are in a message.
 _NUMBERS = {"double": ">f8", "int32_t": ">i4", "int64_t": ">i8", "boolean": "?"}
@@ -53,7 +54,10 @@ class FaceReader:
     """Reads the hydroelastic contacts of a finalized plant, all faces of a contact at once."""
 
     def __init__(self, plant: MultibodyPlant):
-        self._to_message = ContactResultsToLcmSystem(plant)
+        # Drake warns that links with several geometries may be unclear in a viewer that is not
+        # there.
+        with one_line("contacts cannot be read"):
+            self._to_message = ContactResultsToLcmSystem(plant)
         self._encode = _Serializer_[drake.lcmt_contact_results_for_viz]().Serialize
 
     def read(self, contact: ContactResults, geometries: Set[GeometryId]) -> "Iterator[Faces]":

@@ -102,7 +102,8 @@ def _require_free_joints(joints: Sequence[Joint], plant: MultibodyPlant, parsed:
     free = [joint.name() for joint in joints if _can_move(joint) and joint.name() not in followers]
     others = [j for j in joints if j.num_positions() and not _can_move(j)]
     if others:
-        reason = f"joint {others[0].name()!r} is a {_KINDS.get(others[0].type_name(), 'joint of its own kind')}"
+        kind = _KINDS.get(others[0].type_name(), f"{others[0].type_name()} joint")
+        reason = f"joint {others[0].name()!r} is a {kind}"
     elif followers:
         reason = "some joints are coupled: " + ", ".join(
             f"{name!r} {how}" for name, how in list(followers.items())[:_MOST_NAMED]

@@ -39,9 +39,8 @@ def warn_of_model(logged: Iterable[str], facts: Mapping[str, ModelFacts]) -> Non
     lines = [text if number == 1 else f"{text} ({number} times)" for text, number in told.items()]
     for line in lines[:_MOST_LINES]:
         _warn_once(line)
-    if more := len(lines) - _MOST_LINES:
-        if more > 0:
-            _warn_once(f"and {more} more of the kind in the model")
+    if (more := len(lines) - _MOST_LINES) > 0:
+        _warn_once(f"and {more} more of the kind in the model")
 
 
 def _in_one_line(line: str, facts: Mapping[str, ModelFacts]) -> str:

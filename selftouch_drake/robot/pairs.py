@@ -95,7 +95,7 @@ class Neighbours:
         plant: MultibodyPlant,
         scene_graph: SceneGraph,
         own: OwnGeometries,
-        rules: ContactRules,
+        rules: ContactRules | None = None,
     ):
         self._inspector, self._own = scene_graph.model_inspector(), own
         self._rules = rules
@@ -143,7 +143,7 @@ class Neighbours:
         """Whether two links are one, or next to each other, or filtered by their models."""
         if self.of(a) == self.of(b) or {self.of(a), self.of(b)} in self._adjacent:
             return True
-        if self._rules.are_excluded(a, b):
+        if self._rules is not None and self._rules.are_excluded(a, b):
             return True
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.

@@ -26,6 +26,7 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 from selftouch_drake.run.metrics import keys_of
+from selftouch_drake.run.trajectory import write_trajectory
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
@@ -227,9 +228,15 @@ def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
 def save_plan(
     run: RunDirectory, plan: Motion | Execution, *targets: int | str, **numbers: float
 ) -> None:
-    """Saves a motion, executed or not, and more numbers, under the targets that name it."""
+    """Saves a motion, executed or not, and more numbers, under the targets that name it.
+
+    The motion is written as CSV, too.
+    """
+    file = run.plan(*targets)
     more = {name: np.array(number) for name, number in numbers.items()}
-    save_arrays(run.plan(*targets), plan.to_arrays() | more | run.stamp())
+    save_arrays(file, plan.to_arrays() | more | run.stamp())
+    motion = plan.motion if isinstance(plan, Execution) else plan
+    write_trajectory(file.with_suffix(".csv"), motion, run.joint_names())
 
 
 def load_motion(run: RunDirectory, *targets: int | str) -> Motion:

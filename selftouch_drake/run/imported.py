@@ -24,7 +24,7 @@ from selftouch_drake.experience.store import Shard, write_shard
 from selftouch_drake.experiment import Experiment, ExperimentError, experiment_from_fields
 from selftouch_drake.experiment.loading import merged
 from selftouch_drake.experiment.schema import Imported
-from selftouch_drake.files import save_arrays, write_csv
+from selftouch_drake.files import save_arrays
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.recording_checks import without_faults
 
@@ -210,13 +210,6 @@ def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
         rate_hz=RATE_HZ,
     )
     return agent.motion(plan, time_s=found.time_s, s=found.s, q=found.q, v=found.v)
-
-
-def write_trajectory(path: Path, motion: Motion, joints: list[str]) -> None:
-    """Writes a motion as CSV: `time_s`, each joint by name, and its `_velocity`."""
-    rows = np.hstack([motion.time_s[:, None], motion.q, motion.v])
-    names = ["time_s", *joints, *(f"{name}_velocity" for name in joints)]
-    write_csv(path, names, ([f"{number:.9g}" for number in row] for row in rows))
 
 
 def _content(felt: FoundTouches) -> str:

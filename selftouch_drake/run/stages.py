@@ -40,7 +40,7 @@ from selftouch_drake.run.artifacts import (
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import SHARDS_AHEAD, InTurn, map_ahead
-from selftouch_drake.run.imported import timed, write_trajectory
+from selftouch_drake.run.imported import timed
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import touch_metrics, warn_of_changes
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
@@ -255,7 +255,7 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
     """Plans through target sensations, from a configuration of the first; keeps the plan.
 
     From any `(J,)` `q_start`, touching or not, it plans to a single target; then the file of the
-    plan names both. The plan of an imported run is kept as CSV as well.
+    plan names both.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
@@ -263,9 +263,9 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
     """
     motion = _planned_in_body(run, *targets, q_start=q_start)
     if q_start is None:
-        _keep_plan(run, motion, *targets)
+        save_plan(run, motion, *targets)
     else:
-        _keep_plan(run, motion, free_start(q_start), *targets)
+        save_plan(run, motion, free_start(q_start), *targets)
     return motion
 
 
@@ -296,7 +296,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
         The motion, and how far it strays; see `Recorded.novelty`.
     """
     motion, novelty = _planned_imported(run, *targets)
-    _keep_plan(run, motion, *targets, plan_novelty=novelty)
+    save_plan(run, motion, *targets, plan_novelty=novelty)
     return motion, novelty
 
 
@@ -309,12 +309,6 @@ def _planned_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     recorded = Recorded(agent.representation, free)
     plan, *_ = recorded.surest(targets, agent.plan)
     return timed(agent, plan, imported), recorded.novelty(plan)
-
-
-def _keep_plan(run: RunDirectory, motion: Motion, *targets: int | str, **numbers: float) -> None:
-    save_plan(run, motion, *targets, **numbers)
-    if (imported := run.experiment.imported) is not None:
-        write_trajectory(run.plan(*targets).with_suffix(".csv"), motion, imported.joints)
 
 
 def execute(run: RunDirectory, *targets: int | str) -> Try:

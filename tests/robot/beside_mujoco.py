@@ -72,8 +72,7 @@ class Loaded:
             frozenset(link.name() for link in pair.links)
             for pair in rigid_pairs(self.plant, neighbours, rules, own, asked, [])
         }
-        no_rules = ContactRules(self.plant, inspector, [])
-        in_tree = Neighbours(self.plant, self.scene_graph, own, no_rules)
+        in_tree = Neighbours(self.plant, self.scene_graph, own)
         links = [self.plant.get_body(index) for index in own]
         beside = {
             frozenset((a.name(), b.name()))

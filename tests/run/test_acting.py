@@ -468,7 +468,10 @@ def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, 
 def test_the_command_line_plans_tours_and_free_starts(run, capsys):
     status, out, _ = output_of(capsys, "plan", run.path, "--through", "3,20,41")
     assert status == 0
-    assert out.splitlines()[-1] == f"plan: {run.path / 'plans' / '3-20-41.npz'}"
+    path = run.path / "plans" / "3-20-41.npz"
+    assert out.splitlines()[-2] == f"plan: {path}"
+    assert out.splitlines()[-1] == f"joint trajectory: {path.with_suffix('.csv')}"
+    assert path.with_suffix(".csv").is_file()
     free = ("--from-q", "0.1,-0.5,0.3,0,0,0", "--to", 20)
     status, out, _ = output_of(capsys, "plan", run.path, *free)
     assert status == 0

@@ -253,9 +253,7 @@ PLAN = ("--from", 3, "--to", 100)
     [
         ("execute", "RUN", *PLAN),
         ("execute", "RUN", *PLAN, "--rehearse", 2),
-        ("record", "RUN", *PLAN),
         ("evaluate", "RUN"),
-        ("play", "RUN"),
         ("babble", "RUN/experiment.yaml", "--out", "RUN"),
         ("run", "RUN/experiment.yaml", "--out", "RUN"),
         ("robot", "RUN/experiment.yaml"),
@@ -270,6 +268,19 @@ def test_what_needs_a_world_says_so(words, learned, capfd):
         "selftouch: my_robot was imported, without a robot to simulate: use learn, plan and "
         "report, and execute its plans on the robot that recorded it, or give that robot as a "
         "body, with --body"
+    )
+
+
+@pytest.mark.parametrize("words", [("record", "RUN", *PLAN), ("play", "RUN")])
+def test_what_shows_a_robot_says_what_can_be_done_instead(words, learned, capfd):
+    words = [str(word).replace("RUN", str(learned.path)) for word in words]
+    assert selftouch(*words) == 2
+    path = learned.path
+    assert capfd.readouterr().err.strip() == (
+        "selftouch: my_robot was imported, without a robot to simulate, so there is nothing to "
+        f"{words[0]}: `selftouch report {path}` draws the body that it recovered, `selftouch live "
+        f"{path}` lets the agent live through the recording, and `selftouch plan {path} --from 0 "
+        "--to 1` writes a joint trajectory for the robot"
     )
 
 
