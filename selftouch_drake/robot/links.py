@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import numpy as np
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
     Box,
@@ -121,7 +122,9 @@ def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
     mesh = trimesh.load_mesh(shape.source().path(), process=False)
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = mesh.to_mesh()
-    mesh = trimesh.Trimesh(mesh.vertices * shape.scale3(), mesh.faces)
+    # A scale that mirrors turns the faces inside out.
+    faces = mesh.faces if np.prod(shape.scale3()) > 0 else mesh.faces[:, ::-1]
+    mesh = trimesh.Trimesh(mesh.vertices * shape.scale3(), faces)
     return mesh.convex_hull if isinstance(shape, Convex) else mesh
 
 

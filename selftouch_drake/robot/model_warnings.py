@@ -15,7 +15,7 @@ _MOST_LINES = 8
 # What Drake says of elements that change no pose, no limit and no motion.
 _WITHOUT_EFFECT = re.compile(
     r"camera element|safety_controller|calibration|specular|shadow|torsional and rolling friction"
-    r"|DiagramBuilder|zero effort limit"
+    r"|zero effort limit"
 )
 
 

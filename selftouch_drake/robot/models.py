@@ -80,7 +80,9 @@ def load_model(
     if reader.num_converted and announce is not None:
         number = f"{reader.num_converted} mesh" + ("es" if reader.num_converted > 1 else "")
         announce(f"converted {number} to OBJ into {cache_folder() / 'meshes'}")
-    return RobotModel(directives=loaded, packages=roots, files=tuple(reader.files), facts=reader.facts)
+    return RobotModel(
+        directives=loaded, packages=roots, files=tuple(reader.files), facts=reader.facts
+    )
 
 
 def parse(plant: MultibodyPlant, model: RobotModel, *, warn: bool = False) -> Parsed:
@@ -203,26 +205,30 @@ class _Reader:
             if suffix not in (".xacro", *_NAMING):  # Drake says what is wrong with it.
                 return path
             document = _read_xml(path)
-            is_changed, facts = False, None
-            if document.documentElement.tagName == "mujoco":
-                self._join_included(document, document, path.parent)
-                write_out(document, path=path)
-                facts, is_changed = mjcf_facts(document, path), True
-                strip_for_drake(document)
-            elif document.documentElement.tagName == "sdf":
-                facts = sdf_facts(document, path)
-            else:
-                refuse_xacro(document, path)
-                facts, is_changed = urdf_facts(document, path), number_actuators(document)
+            facts, is_changed = self._facts(document, path)
             is_changed |= self._name_files(document, path, suffix)
         place = cached_copy(path.name, document.toxml()) if is_changed else path
         self.facts[str(place)] = facts
         return place
 
-    def _name_files(self, document: xml.dom.minidom.Document, path: Path, suffix: str) -> bool:
-        """Writes where Drake is to read the files that a model names; whether one is new."""
+    def _facts(self, document: Any, path: Path) -> tuple[ModelFacts, bool]:
+        """What a file says that Drake leaves out, and whether the document was changed for it."""
+        kind = document.documentElement.tagName
+        if kind == "mujoco":
+            self._join_included(document, document, path.parent)
+            write_out(document, path)
+            facts = mjcf_facts(document, path)
+            strip_for_drake(document)
+            return facts, True
+        if kind == "sdf":
+            return sdf_facts(document, path), False
+        refuse_xacro(document, path)
+        return urdf_facts(document, path), number_actuators(document)
+
+    def _name_files(self, document: Any, path: Path, suffix: str) -> bool:
+        """Writes where Drake is to read the files that a model names; whether one is elsewhere."""
         places = []
-        is_changed = False
+        is_changed = _write_hulls(document)
         for node, folder, taken in _references(document, suffix, path.parent):
             # An attribute, or the text of an element; else it names no file.
             is_text = isinstance(node, xml.dom.minidom.Attr | xml.dom.minidom.Text)
@@ -231,7 +237,6 @@ class _Reader:
                 place = self._place(file, taken)
                 places.append((node, place))
                 is_changed |= file != place or not Path(uri).suffix  # of a folder
-        is_changed |= _write_hulls(document)
         if is_changed or document.documentElement.tagName == "mujoco":
             for node, place in places:
                 # All of them: a relative path would start in the cache.
@@ -306,22 +311,30 @@ def _model_in(folder: Path, what: str) -> Path:
         raise ExperimentError(
             f"{what} is the folder {folder}, which has no model.config; name a file in it"
         )
+    document: Any = _read_xml(config)
     named = [
-        ([int(word) for word in node.getAttribute("version").split(".") if word.isdigit()], node)
-        for node in _read_xml(config).getElementsByTagName("sdf")
+        (
+            [int(word) for word in node.getAttribute("version").split(".") if word.isdigit()],
+            node.firstChild.nodeValue.strip(),
+        )
+        for node in document.getElementsByTagName("sdf")
         if node.firstChild is not None
     ]
     if not named:
         raise ExperimentError(f"{config} names no <sdf> file; correct it")
-    _, newest = max(named, key=lambda each: each[0])
-    file = folder / newest.firstChild.nodeValue.strip()
+    _, newest = max(named)
+    file = folder / newest
     if not file.is_file():
         raise ExperimentError(f"{config} names {file}, which does not exist; correct the path")
     return file.resolve()
 
 
-def _write_hulls(document: xml.dom.minidom.Document) -> bool:
-    """Gives meshes of MJCF whose vertices are in the model a file with their hull."""
+def _write_hulls(document: Any) -> bool:
+    """Gives meshes of MJCF whose vertices are in the model a file with their hull.
+
+    Returns:
+        Whether there are any.
+    """
     found = False
     for mesh in document.getElementsByTagName("mesh"):
         if not (vertices := mesh.getAttribute("vertex")) or mesh.getAttribute("file"):

@@ -34,6 +34,12 @@ from selftouch_drake.run.naming import fields_of
 RUN_FORMAT = 2
 # Digests of the robot's models and meshes.
 _MODELS = "models.json"
+# What `locked` leaves in a folder.
+_LOCK = ".lock"
+# What a run has before its first touch; all of it is made again.
+_BEFORE_TOUCHES = frozenset(
+    {"experiment.yaml", _MODELS, "joints.json", "skin.npz", "calibration.npz", "cache"}
+)
 _HEADER = "# A run of selftouch_drake, format "
 
 
@@ -95,25 +101,20 @@ class RunDirectory:
 
     @staticmethod
     def create(path: Path, experiment: Experiment) -> "RunDirectory":
-        """Begins a run of `experiment`, or resumes a run of the same experiment.
-
-        A run of another experiment or robot that has stored nothing, as one that touched nothing,
-        is begun again.
-
-        Raises:
-            RunError: there is another run, or something else.
-        """
+        """Begins a run of `experiment`, or resumes a run of the same experiment."""
         if (path / "experiment.yaml").exists():
-            try:
-                return _resumed(path, experiment)
-            except RunError:
-                if _holds_anything(path):
-                    raise
-            with RunDirectory(path, experiment).writing():
-                _empty(path)
+            run = RunDirectory.open(path)
+            there, here = _all_fields(run.experiment), _all_fields(experiment)
+            for name in {**there, **here}:
+                if (old := there.get(name)) != (new := here.get(name)):
+                    raise RunError(
+                        f"{path} was begun with {name} {old!r}, not {new!r}; choose another --out"
+                    )
+            return run
         # A killed start leaves its orphan, and no run yet.
-        elif path.exists() and not (
-            path.is_dir() and all(p.name == _MODELS or p.match(UNFINISHED) for p in path.iterdir())
+        if path.exists() and not (
+            path.is_dir()
+            and all(p.name in (_MODELS, _LOCK) or p.match(UNFINISHED) for p in path.iterdir())
         ):
             raise RunError(f"{path} is neither a run nor empty; choose another --out")
         digests = model_digests(experiment)
@@ -243,6 +244,25 @@ class RunDirectory:
                 # A worker that ended at once may have left one.
                 remove_unfinished(self.path)
 
+    def discard(self) -> None:
+        """Removes what a run without a touch has left, so that a corrected robot can be tried.
+
+        A run that holds anything else, as a touch, stays as it is.
+        """
+        folders = (self.experience, self.truth)
+        made = [file for file in self.path.iterdir() if not file.match(UNFINISHED)]
+        if any(
+            file.name not in (*_BEFORE_TOUCHES, _LOCK)
+            and not (file in folders and not any(file.iterdir()))
+            for file in made
+        ):
+            return
+        for file in made:
+            if file.is_dir():
+                shutil.rmtree(file)
+            elif file.name != _LOCK:
+                file.unlink()
+
     def plan(self, *targets: int | str) -> Path:
         """The file of the plan through target sensations, such as `3-50-120`.
 
@@ -324,50 +344,6 @@ class RunDirectory:
         if str(arrays.get("made_for")) != str((stamp or self.stamp())["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
             raise RunError(f"{file} belongs to another experiment or version; {remedy}")
-
-
-def _resumed(path: Path, experiment: Experiment) -> RunDirectory:
-    """The run that is there.
-
-    Raises:
-        RunError: as in `RunDirectory.open`, or it is a run of another experiment.
-    """
-    run = RunDirectory.open(path)
-    there, here = _all_fields(run.experiment), _all_fields(experiment)
-    for name in {**there, **here}:
-        if (old := there.get(name)) != (new := here.get(name)):
-            raise RunError(
-                f"{path} was begun with {name} {old!r}, not {new!r}; choose another --out"
-            )
-    return run
-
-
-# What a run has before its first touch; all of it can be made again.
-_BEFORE_TOUCHES = frozenset(
-    {"experiment.yaml", _MODELS, "joints.json", "skin.npz", "calibration.npz", "cache"}
-)
-
-
-def _holds_anything(path: Path) -> bool:
-    """Whether the folder of a run holds a touch, what was learned, or anything of somebody else."""
-    header = (path / "experiment.yaml").read_text(encoding="utf-8", errors="replace")
-    if not header.startswith(_HEADER):
-        return True
-    others = [file for file in path.iterdir() if file.name not in _BEFORE_TOUCHES]
-    return any(
-        file.name not in ("experience", "truth") or not file.is_dir() or any(file.glob("*.parquet"))
-        for file in others
-        if not file.match(UNFINISHED) and not file.name.endswith(".lock")
-    )
-
-
-def _empty(path: Path) -> None:
-    """Removes what a run without a touch has left."""
-    for name in (*_BEFORE_TOUCHES, "experience", "truth"):
-        if (file := path / name).is_dir():
-            shutil.rmtree(file)
-        else:
-            file.unlink(missing_ok=True)
 
 
 def _read_json(file: Path) -> Any:

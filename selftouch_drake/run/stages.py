@@ -24,7 +24,13 @@ from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.tries import Try, best, judged_try
 from selftouch_drake.bodies.embodiment import World, bodies_of, pilot_in
 from selftouch_drake.bodies.user_body import UserBody
-from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
+from selftouch_drake.experience.collect import (
+    NeverTouchesError,
+    collect,
+    how_to_collect,
+    require_complete,
+    robot_s,
+)
 from selftouch_drake.experience.store import WalkCounts
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
@@ -66,6 +72,9 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     Random walks are made by the executor. An agent that explores does so in this process, and so
     does a body that cannot be in two places.
 
+    Raises:
+        NeverTouchesError: nothing is touched; a run without a touch leaves nothing.
+
     Warns:
         NeverTouchedWarning: a skin was never touched, or a toucher never touched anything.
     """
@@ -79,7 +88,11 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         run.keep_baseline(bodies.find_baseline(run.experiment))
     keep_bodies(run, bodies)
     _require_own_time(run, bodies.babbling)
-    counts = _collected(run, bodies.babbling, executor, progress)
+    try:
+        counts = _collected(run, bodies.babbling, executor, progress)
+    except NeverTouchesError:
+        run.discard()
+        raise
     found: dict[str, Any] = {
         "babbling_num_samples": counts.num_rows,
         "babbling_num_steps": counts.num_steps,

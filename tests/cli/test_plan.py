@@ -1,5 +1,6 @@
 """Commands that plan and execute, as a user sees them."""
 
+import json
 import shutil
 from types import SimpleNamespace
 
@@ -19,6 +20,17 @@ def test_stages_one_by_one(finished_run, tmp_path):
     executed = selftouch("execute", run, "--from", 0, "--to", 59)
     assert executed.status == 0, executed.stderr
     assert "in contact: " in executed.stdout
+    path = run / "plans" / "0-59.npz"
+    rows = len(np.load(path)["q_measured"])
+    assert (
+        f"stored: what the joints did (q_measured) and what was felt (felt), {rows} rows\n"
+        f"plan: {path}\njoint trajectory: {path.with_suffix('.csv')}\n"
+    ) in executed.stdout
+    header, *lines = path.with_suffix(".csv").read_text().splitlines()
+    joints = json.loads((run / "joints.json").read_text())
+    assert header.split(",") == ["time_s", *joints, *(f"{name}_velocity" for name in joints)]
+    table = np.array([line.split(",") for line in lines], dtype=float)
+    np.testing.assert_allclose(table[:, 1 : 1 + len(joints)], np.load(path)["q"], rtol=1e-7)
 
 
 def test_target_out_of_range_is_refused(finished_run):

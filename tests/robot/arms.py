@@ -36,7 +36,9 @@ class Arm:
         default_factory=lambda: (
             Link("l1", "base", joint="j1", rpy=(0.2, 0.0, 0.3), axis=(0.0, 0.0, 1.0)),
             Link("l2", "l1", joint="j2", axis=(0.3, 1.0, 0.2), box_rpy=(0.1, 0.2, 0.0)),
-            Link("l3", "l2", joint="j3", kind="prismatic", axis=(1.0, 0.0, 0.0), limits=(-0.1, 0.2)),
+            Link(
+                "l3", "l2", joint="j3", kind="prismatic", axis=(1.0, 0.0, 0.0), limits=(-0.1, 0.2)
+            ),
             Link("hand", "l3", joint="j4", rpy=(0.0, 0.5, 0.0), axis=(0.0, 1.0, 0.0)),
             Link("side", "l1", joint="j5", place=(0.0, 0.2, 0.1), axis=(1.0, 0.0, 0.0)),
         )
@@ -71,9 +73,10 @@ def urdf(arm=ARM, *, rename=str, backwards=False, more="", in_links="", in_joint
         low, high = link.limits
         kind = (kinds or {}).get(link.joint, link.kind)
         parts.append(
-            f"<joint name='{rename(link.joint)}' type='{kind}'><parent link='{rename(link.parent)}'/>"
-            f"<child link='{rename(link.name)}'/>"
-            f"<origin xyz='{text(link.place)}' rpy='{text(link.rpy)}'/><axis xyz='{text(link.axis)}'/>"
+            f"<joint name='{rename(link.joint)}' type='{kind}'>"
+            f"<parent link='{rename(link.parent)}'/><child link='{rename(link.name)}'/>"
+            f"<origin xyz='{text(link.place)}' rpy='{text(link.rpy)}'/>"
+            f"<axis xyz='{text(link.axis)}'/>"
             f"<limit lower='{low}' upper='{high}' effort='{link.effort}' velocity='2'/>"
             f"{(in_joints or {}).get(link.joint, '')}</joint>"
         )
@@ -96,9 +99,7 @@ def sdf(arm=ARM, *, backwards=False, more="", in_axis=None, kinds=None, head="")
     parts = [_sdf_link("base", "", (0.05, 0.05, 0.2), (0, 0, 0.1), (0, 0, 0), 1.0)]
     for link in arm.links:
         pose = f"<pose relative_to='{link.parent}'>{text(link.place)} {text(link.rpy)}</pose>"
-        parts.append(
-            _sdf_link(link.name, pose, link.box, link.box_place, link.box_rpy, link.mass)
-        )
+        parts.append(_sdf_link(link.name, pose, link.box, link.box_place, link.box_rpy, link.mass))
         low, high = link.limits
         kind = (kinds or {}).get(link.joint, link.kind)
         parts.append(
@@ -166,10 +167,11 @@ class Mjcf:
             "main": f"<default>{shared}</default>",
             "named": f"<default><default class='arm'>{shared}</default></default>",
             "childclass": f"<default><default class='arm'>{shared}</default></default>",
-            "inherited": f"<default>{shared}<default class='arm'><site size='.01'/></default></default>",
+            "inherited": f"<default>{shared}<default class='arm'><site size='.01'/></default>"
+            "</default>",
             "nested": f"<default><default class='all'>{joint}<default class='arm'>{geom}</default>"
             "</default></default>",
-            "overridden": f"<default><joint axis='1 0 0' range='0 1'/><geom type='sphere' size='1'/>"
+            "overridden": "<default><joint axis='1 0 0' range='0 1'/><geom type='sphere' size='1'/>"
             f"<default class='arm'>{shared}</default></default>",
         }[self.defaults]
 
@@ -177,7 +179,9 @@ class Mjcf:
         return " class='arm'" if self.defaults in ("named", "overridden") else ""
 
     def _base(self, arm):
-        below = " childclass='arm'" if self.defaults in ("childclass", "inherited", "nested") else ""
+        below = (
+            " childclass='arm'" if self.defaults in ("childclass", "inherited", "nested") else ""
+        )
         geom = "<geom type='box' size='.025 .025 .1' pos='0 0 .1' mass='1'/>"
         return f"<body name='base'{below}>{geom}{self._children(arm, 'base')}</body>"
 
@@ -187,7 +191,9 @@ class Mjcf:
 
     def _body(self, arm, link):
         pose = f"pos='{text(link.place)}' {self._turn(link.rpy)}"
-        inside = self._joint(link) + self._geom(link) + self.in_bodies + self._children(arm, link.name)
+        inside = (
+            self._joint(link) + self._geom(link) + self.in_bodies + self._children(arm, link.name)
+        )
         if self.frames:
             return f"<frame {pose}><body name='{link.name}'>{inside}</body></frame>"
         return f"<body name='{link.name}' {pose}>{inside}</body>"
@@ -210,10 +216,13 @@ class Mjcf:
         turned = self._turn(link.box_rpy) if any(link.box_rpy) else ""
         is_usual = (link.box, link.box_place, link.mass) == (Link.box, Link.box_place, Link.mass)
         if self.ends and not any(link.box_rpy):
-            ends = (np.array(link.box_place) + [0, 0, z] for z in (size[2], -size[2]))
+            x, y, z = link.box_place
+            ends = ((x, y, z + half) for half in (size[2], -size[2]))
             given = f"type='box' size='{size[0]}' fromto='{text(list(ends))}' mass='{link.mass}'"
         elif self.defaults == "written" or not is_usual:
-            given = f"type='box' size='{text(size)}' pos='{text(link.box_place)}' mass='{link.mass}'"
+            given = (
+                f"type='box' size='{text(size)}' pos='{text(link.box_place)}' mass='{link.mass}'"
+            )
         else:
             given = ""
         return f"<geom {name} {given} {turned}{self._class()} {more}/>"

@@ -44,9 +44,7 @@ class Loaded:
         self.upper = self.plant.GetPositionUpperLimits()
         self.efforts = {
             actuator.joint().name(): actuator.effort_limit()
-            for actuator in map(
-                self.plant.get_joint_actuator, self.plant.GetJointActuatorIndices()
-            )
+            for actuator in map(self.plant.get_joint_actuator, self.plant.GetJointActuatorIndices())
         }
         links = [self.plant.get_body(BodyIndex(i)) for i in range(1, self.plant.num_bodies())]
         self.links = [link.name() for link in links]
@@ -141,9 +139,7 @@ def named_to_move(error):
 
 def mujocos_pairs(model):
     """Names of bodies whose geometries MuJoCo lets collide, whatever hangs on what."""
-    excluded = {
-        frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature
-    }
+    excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
     names, pairs = body_names(model), set()
     plane, height = 0, 1
     for a, b in itertools.combinations(range(model.ngeom), 2):

@@ -16,6 +16,7 @@ from pydrake.geometry import Role
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.robot.pairs import own_geometries
 
+LINKS = ("l1", "l2", "l3", "hand", "side")
 BASE = ("base", np.zeros(3), [1, 0, 0, 0])
 EXTRAS = (
     "<light/><camera name='c'/><site name='s' size='.01'/>"
@@ -143,7 +144,7 @@ SAME_MJCF = {
         foot="<equality><joint joint1='j1' joint2='j2' active='false'/></equality>"
     ),
     "bits that all share": Mjcf(
-        in_geoms={name: "contype='3' conaffinity='1'" for name in ("l1", "l2", "hand")}
+        in_geoms=dict.fromkeys(("l1", "l2", "hand"), "contype='3' conaffinity='1'")
     ),
 }
 
@@ -215,7 +216,8 @@ def with_meshes(folder, *, scale, compiler, file):
     path = folder / file
     path.parent.mkdir(parents=True, exist_ok=True)
     trimesh.creation.box(size).export(path)
-    head = f"{compiler}<asset><mesh name='m' file='{path.name}' scale='{scale} {scale} {scale}'/></asset>"
+    mesh = f"<mesh name='m' file='{path.name}' scale='{scale} {scale} {scale}'/>"
+    head = f"{compiler}<asset>{mesh}</asset>"
     content = Mjcf(head=head).of()
     return content.replace("type='box'", "type='mesh' mesh='m'")
 
@@ -275,9 +277,7 @@ OTHER_MJCF = {
     ),
     "bits that never meet": (Mjcf(in_geoms={"hand": "contype='2' conaffinity='4'"}).of(), "pairs"),
     "bits of all links": (
-        Mjcf(
-            in_geoms={n: "contype='1' conaffinity='0'" for n in ("l1", "l2", "l3", "hand", "side")}
-        ).of(),
+        Mjcf(in_geoms=dict.fromkeys(LINKS, "contype='1' conaffinity='0'")).of(),
         "pairs",
     ),
     "a geometry that is only seen": (
@@ -286,7 +286,7 @@ OTHER_MJCF = {
     ),
     "a pair that is excluded by bits": (
         Mjcf(
-            in_geoms={n: "contype='2' conaffinity='4'" for n in ("l1", "l2", "l3", "hand", "side")},
+            in_geoms=dict.fromkeys(LINKS, "contype='2' conaffinity='4'"),
             foot="<contact><pair geom1='hand_box' geom2='l1_box'/></contact>",
         ).of(),
         "pairs",
@@ -340,9 +340,10 @@ REFUSED = {
         "closes a loop",
     ),
     "a ball joint": (
-        Mjcf().of().replace("<joint name='j5'", "<joint name='j5' type='ball'").replace(
-            "type='ball' axis='1 0 0' range='-1 1.5'", "type='ball'"
-        ),
+        Mjcf()
+        .of()
+        .replace("<joint name='j5'", "<joint name='j5' type='ball'")
+        .replace("type='ball' axis='1 0 0' range='-1 1.5'", "type='ball'"),
         ".xml",
         "joint 'j5' is a ball joint",
     ),
@@ -407,7 +408,6 @@ REFUSED = {
 def test_what_cannot_be_read_is_refused_in_one_line(how, tmp_path):
     content, suffix, line = REFUSED[how]
     with pytest.raises(ExperimentError) as refusal:
-        loaded = read(content, tmp_path, suffix)
-        loaded.pairs()
+        read(content, tmp_path, suffix).pairs()
     assert line in str(refusal.value)
     assert "\n" not in str(refusal.value)

@@ -61,18 +61,20 @@ def test_this_is_the_same_robot(tmp_path):
         (
             (*ROBOT[:4], robots.joint("rail", "prismatic", "arm", "hand", limits=None)),
             {},
-            "joint 'rail' slides without limits; give it limits in its model",
+            "joint 'rail' slides without limits; give it limits in its model, or leave it out of "
+            "robot.joints",
         ),
         (
             (*ROBOT[:4], robots.joint("rail", "prismatic", "arm", "hand", limits=(-1e16, 1e16))),
             {},
-            "joint 'rail' slides without limits; give it limits in its model",
+            "joint 'rail' slides without limits; give it limits in its model, or leave it out of "
+            "robot.joints",
         ),
         (
             (*ROBOT[:4], robots.joint("wrist", "revolute", "arm", "hand", limits=(0.5, 0.5))),
             {},
-            "joint 'wrist' has the limits 0.5 and 0.5, so it cannot move; correct its model, or "
-            "name the other joints in robot.joints",
+            "joint 'wrist' has the limits 0.5 and 0.5, so it cannot move; correct its model (in "
+            "URDF, a limit that is left out is 0), or name the other joints in robot.joints",
         ),
         (
             ROBOT,
@@ -289,8 +291,9 @@ def test_joints_that_are_coupled_must_be_named(tmp_path):
         return World(experiment_from_fields({**fields, "robot": robot}))
 
     message = (
-        "robot.joints is null, but some joints of the model are coupled (as by <mimic>); name "
-        "those that move independently"
+        "robot.joints is null, but some joints are coupled: 'knuckle' follows 'wrist' (<mimic>); "
+        "name the joints that move on their own, as in joints: [shoulder, wrist]: the others are "
+        "welded"
     )
     with pytest.raises(ExperimentError, match=f"^{re.escape(message)}$"):
         _ = world(None).robot
