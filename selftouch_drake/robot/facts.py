@@ -65,8 +65,17 @@ class ModelFacts:
     poses: Mapping[str, tuple[str, np.ndarray]] = field(default_factory=dict)
 
 
-#: The facts of each model of a plant, and its number there.
-Parsed = Sequence[tuple[ModelInstanceIndex, ModelFacts]]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Parsed:
+    """What is known of a plant's models beside the plant.
+
+    Attributes:
+        models: the number of each model in the plant, and its facts.
+        logged: what Drake said while it read them.
+    """
+
+    models: Sequence[tuple[ModelInstanceIndex, ModelFacts]]
+    logged: Sequence[str]
 
 
 def apply_facts(plant: MultibodyPlant, model: ModelInstanceIndex, facts: ModelFacts) -> None:
@@ -113,7 +122,7 @@ def check_facts(plant: MultibodyPlant, parsed: Parsed) -> None:
         ExperimentError: a joint or a body is missing, or a body is in another place.
     """
     context = plant.CreateDefaultContext()
-    for model, facts in parsed:
+    for model, facts in parsed.models:
         for name, of_joint in facts.joints.items():
             if not plant.HasJointNamed(name, model):
                 raise ExperimentError(
@@ -174,7 +183,7 @@ class ContactRules:
         self._bits: dict[GeometryId, tuple[int, int]] = {}
         self._paired: set[frozenset[GeometryId]] = set()
         self._excluded: set[frozenset[BodyIndex]] = set()
-        for model, facts in parsed:
+        for model, facts in parsed.models:
             named = _geometries_by_name(plant, inspector, model)
             for name, bits in facts.contact_bits.items():
                 if name not in named:

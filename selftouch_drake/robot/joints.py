@@ -97,9 +97,11 @@ def _require_free_joints(joints: Sequence[Joint], plant: MultibodyPlant, parsed:
         ExperimentError: a joint follows others, a loop is closed, or a joint moves in several ways;
             the text has the joints that can be named in `robot.joints`.
     """
-    followers = {name: how for _, facts in parsed for name, how in facts.followers.items()}
-    loops = [loop for _, facts in parsed for loop in facts.loops]
+    followers = {name: how for _, facts in parsed.models for name, how in facts.followers.items()}
+    loops = [loop for _, facts in parsed.models for loop in facts.loops]
     free = [joint.name() for joint in joints if _can_move(joint) and joint.name() not in followers]
+    if not free:
+        return  # there is nothing to name
     others = [j for j in joints if j.num_positions() and not _can_move(j)]
     if others:
         kind = _KINDS.get(others[0].type_name(), f"{others[0].type_name()} joint")
@@ -145,10 +147,11 @@ def _check_limits(joint: Joint) -> None:
             "it out of robot.joints"
         )
     if lower >= upper:
+        # As for urdfdom, a limit that a URDF leaves out is 0.
+        left_out = " (in URDF, a limit that is left out is 0)" if lower == upper == 0 else ""
         raise ExperimentError(
             f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot move; "
-            "correct its model (in URDF, a limit that is left out is 0), or name the other joints "
-            "in robot.joints"
+            f"correct its model{left_out}, or name the other joints in robot.joints"
         )
     joint.set_position_limits([lower], [upper])
 

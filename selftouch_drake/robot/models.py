@@ -31,7 +31,6 @@ from selftouch_drake.robot.converted import as_obj, cache_folder, cached_copy
 from selftouch_drake.robot.facts import ModelFacts, Parsed, apply_facts
 from selftouch_drake.robot.mjcf import strip_for_drake, write_out
 from selftouch_drake.robot.mjcf_facts import mjcf_facts
-from selftouch_drake.robot.model_warnings import warn_of_model
 from selftouch_drake.robot.urdf import number_actuators, refuse_xacro, sdf_facts, urdf_facts
 
 # The package of the shipped models, which is always there.
@@ -85,33 +84,28 @@ def load_model(
     )
 
 
-def parse(plant: MultibodyPlant, model: RobotModel, *, warn: bool = False) -> Parsed:
-    """Adds a robot to a plant, with all that its files say; to `warn` shows what Drake warns of.
+def parse(plant: MultibodyPlant, model: RobotModel) -> Parsed:
+    """Adds a robot to a plant, with all that its files say.
 
     Returns:
-        The facts of each model, for `check_facts` and `ContactRules`.
+        The facts of each model, for `check_facts` and `ContactRules`, and what Drake warned of.
 
     Raises:
         ExperimentError: a model does not parse; the text is Drake's own, in one line.
-
-    Warns:
-        ModelWarning: Drake, or this program, leaves out something that a file says.
     """
     parser = Parser(plant)
     for name, root in model.packages.items():
         parser.package_map().Add(name, str(root))
     with one_line("robot.directives cannot be loaded", model.facts) as logged:
         loaded = ProcessModelDirectives(model.directives, parser)
-    if warn:
-        warn_of_model([r.getMessage() for r in logged], model.facts)
-    parsed = [
+    models = [
         (info.model_instance, model.facts[info.model_path])
         for info in loaded
         if info.model_path in model.facts
     ]
-    for instance, facts in parsed:
+    for instance, facts in models:
         apply_facts(plant, instance, facts)
-    return parsed
+    return Parsed(models=models, logged=[record.getMessage() for record in logged])
 
 
 def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:

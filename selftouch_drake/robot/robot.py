@@ -16,6 +16,7 @@ from selftouch_drake.robot.joints import fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import scoped_name
 from selftouch_drake.robot.masses import require_masses
+from selftouch_drake.robot.model_warnings import warn_of_models
 from selftouch_drake.robot.models import load_model, parse
 from selftouch_drake.robot.pairs import (
     Neighbours,
@@ -206,6 +207,9 @@ def MakeRobot(
     Raises:
         ExperimentError: the experiment names what the robot does not have, or a joint that cannot
             move; nothing can touch a skin.
+
+    Warns:
+        ModelWarning: Drake, or this program, leaves out something that a file says.
     """
     plant, parsed = _make_plant(experiment, scene_graph)
     own = own_geometries(plant, scene_graph)
@@ -227,6 +231,7 @@ def MakeRobot(
     rigid = tuple(rigid_pairs(plant, neighbours, rules, own, experiment, worn))
     leave_to_collide(scene_graph, worn, touchers, pairs)
     frames = [skin.link.body_frame() for skin in worn] + [t.frame for t in touchers]
+    warn_of_models(parsed)
     return Robot(
         plant=plant,
         scene_graph=scene_graph,
@@ -254,7 +259,7 @@ def _make_plant(
     if scene_graph is not None:
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     model = load_model(experiment.robot.directives, experiment.robot.packages)
-    parsed = parse(plant, model, warn=True)
+    parsed = parse(plant, model)
     change_joints(plant, experiment)
     fix_joints(plant, experiment, model, parsed)
     return plant, parsed

@@ -73,8 +73,8 @@ def test_this_is_the_same_robot(tmp_path):
         (
             (*ROBOT[:4], robots.joint("wrist", "revolute", "arm", "hand", limits=(0.5, 0.5))),
             {},
-            "joint 'wrist' has the limits 0.5 and 0.5, so it cannot move; correct its model (in "
-            "URDF, a limit that is left out is 0), or name the other joints in robot.joints",
+            "joint 'wrist' has the limits 0.5 and 0.5, so it cannot move; correct its model, or "
+            "name the other joints in robot.joints",
         ),
         (
             ROBOT,
