@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FrameIndex
 
-from selftouch_drake.resources import MODELS
 from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import find_link, find_named
-from selftouch_drake.robot.models import SHIPPED, one_line
+from selftouch_drake.robot.models import parse_file
 
 
 class CalibrationError(ValueError):
@@ -78,8 +76,5 @@ def read_kinematics(
 
 def _parsed(model: Path) -> MultibodyPlant:
     plant = MultibodyPlant(time_step=0.0)
-    parser = Parser(plant)
-    parser.package_map().Add(SHIPPED, str(MODELS.resolve()))
-    with one_line(f"{model} cannot be loaded"):
-        parser.AddModels(str(model))
+    parse_file(plant, model)
     return plant

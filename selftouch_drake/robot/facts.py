@@ -26,6 +26,7 @@ class JointFacts:
         upper: rad or m; infinity without limit.
         effort: N·m or N, the most that its actuators exert together; infinity without limit.
         armature: kg·m² or kg, inertia of what drives it.
+        is_driven: whether the file gives it an actuator, which Drake does not see.
         placed: the body that it moves, and `(2, 3)` its axis and a place on it, m, in that body's
             frame; None where Drake is trusted with them.
     """
@@ -34,6 +35,7 @@ class JointFacts:
     upper: float
     effort: float = math.inf
     armature: float = 0.0
+    is_driven: bool = False
     placed: tuple[str, np.ndarray] | None = None
 
 
@@ -91,11 +93,12 @@ def apply_facts(plant: MultibodyPlant, model: ModelInstanceIndex, facts: ModelFa
 def _limit_efforts(
     plant: MultibodyPlant, model: ModelInstanceIndex, joints: Mapping[str, JointFacts]
 ) -> None:
-    """Leaves one actuator to each joint whose effort is limited, or that carries an inertia."""
+    """Leaves one actuator to each joint that is driven, has a limited effort or an armature."""
     without = {
         name
         for name, facts in joints.items()
-        if (math.isfinite(facts.effort) or facts.armature) and plant.HasJointNamed(name, model)
+        if (facts.is_driven or math.isfinite(facts.effort) or facts.armature)
+        and plant.HasJointNamed(name, model)
     }
     # Before a plant is finalized, it does not tell the actuators of one model.
     for index in list(plant.GetJointActuatorIndices()):

@@ -13,7 +13,10 @@ from selftouch_drake.robot.mjcf import collides, contact_bits, joint_kind, numbe
 
 def mjcf_facts(document: Any, path: Path) -> ModelFacts:
     """Reads the facts of an MJCF file that is written out, before its sections are removed."""
-    notes: list[str] = []
+    notes = [
+        f"tendon {tendon.getAttribute('name')!r} is left out"
+        for tendon in _of_sections(document, "tendon")
+    ]
     efforts = _efforts(document, notes)
     joints = {
         joint.getAttribute("name"): _of_joint(joint, body.getAttribute("name"), efforts)
@@ -54,6 +57,7 @@ def _of_joint(joint: Any, body: str, efforts: Mapping[str, float]) -> JointFacts
         upper=upper,
         effort=effort,
         armature=armature,
+        is_driven=joint.getAttribute("name") in efforts,
         placed=(body, np.array([axis, place])),
     )
 

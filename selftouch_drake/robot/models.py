@@ -108,6 +108,37 @@ def parse(plant: MultibodyPlant, model: RobotModel) -> Parsed:
     return Parsed(models=models, logged=[record.getMessage() for record in logged])
 
 
+def parse_file(plant: MultibodyPlant, file: Path) -> Parsed:
+    """Adds the models of one file, as `parse` does: a model, or directives.
+
+    Raises:
+        ExperimentError: a file that it names is not found or cannot be read, or does not parse.
+    """
+    if file.name.endswith((".yaml", ".yml")):
+        return parse(plant, load_model(str(file.resolve()), {}))
+    reader = _Reader(_package_roots({}))
+    place = reader.model(file.resolve())
+    parser = Parser(plant)
+    parser.package_map().Add(SHIPPED, str(MODELS.resolve()))
+    with one_line(f"{file} cannot be loaded", reader.facts) as logged:
+        instances = parser.AddModels(str(place))
+    models = [(i, reader.facts[str(place)]) for i in instances[:1] if str(place) in reader.facts]
+    for instance, facts in models:
+        apply_facts(plant, instance, facts)
+    return Parsed(models=models, logged=[record.getMessage() for record in logged])
+
+
+def rewritten(file: Path) -> tuple[Path, ModelFacts]:
+    """Where Drake is to read a model that is at `file`, and what its parser leaves out.
+
+    Raises:
+        ExperimentError: a file that it names is not found, or one cannot be read.
+    """
+    reader = _Reader(_package_roots({}))
+    place = reader.model(file)
+    return place, reader.facts[str(place)]
+
+
 def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
     roots = {SHIPPED: MODELS.resolve()}
     own = PackageMap()

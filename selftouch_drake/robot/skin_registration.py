@@ -29,8 +29,9 @@ from selftouch_drake.experiment.loading import load_skins, yaml_sections
 from selftouch_drake.experiment.schema import Imperfections, ReadingSettings
 from selftouch_drake.geometry.hollow import vtk_text
 from selftouch_drake.lazy import trimesh
+from selftouch_drake.robot.facts import apply_facts
 from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
-from selftouch_drake.robot.models import one_line
+from selftouch_drake.robot.models import one_line, rewritten
 from selftouch_drake.robot.pairs import Neighbours, WornSkin
 from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
 
@@ -170,11 +171,17 @@ def AddModelsAndSkins(
         raise ExperimentError(f"unknown key {strange[0]} in {path}; known are {', '.join(_KEYS)}")
     with one_line(f"directives of {path} cannot be loaded"):
         directives = LoadModelDirectivesFromString(sections.get("directives", "directives: []"))
+        facts = {}
         for directive in directives.directives:
             entry = directive.add_model or directive.add_directives
             if entry is not None and "://" not in entry.file:
-                entry.file = f"file://{(path.parent / entry.file).resolve()}"
-        ProcessModelDirectives(directives, parser)
+                file = (path.parent / entry.file).resolve()
+                if file.suffix == ".xml" and file.is_file():
+                    file, facts[entry.name] = rewritten(file)
+                entry.file = f"file://{file}"
+        for info in ProcessModelDirectives(directives, parser):
+            if info.model_name in facts:
+                apply_facts(parser.plant(), info.model_instance, facts[info.model_name])
     return AddSkins(parser.plant(), scene_graph, skins, seed=seed, visible=visible)
 
 

@@ -96,11 +96,16 @@ def _number(limit: Any, attribute: str, where: str) -> float:
 
 
 def sdf_facts(document: Any, path: Path) -> ModelFacts:
-    """The joints of an SDFormat file that follow others."""
+    """The joints of an SDFormat file that follow others, and bits of collisions."""
     followers = {}
     for joint in document.getElementsByTagName("joint"):
         for kind in ("mimic", "drake:mimic"):
             for mimic in joint.getElementsByTagName(kind):
                 leader = mimic.getAttribute("joint") or mimic.getAttribute("drake:joint")
                 followers[joint.getAttribute("name")] = f"follows {leader!r} (<mimic>)"
-    return ModelFacts(path=path, followers=followers)
+    notes = [
+        f"<{kind}> is left out"
+        for kind in ("collide_bitmask", "category_bitmask")
+        if document.getElementsByTagName(kind)
+    ]
+    return ModelFacts(path=path, followers=followers, notes=notes)

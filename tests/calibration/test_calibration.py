@@ -141,3 +141,17 @@ def test_a_run_in_drake_has_the_joints_of_its_model(tmp_path):
     assert "--receptors is 5,200; give two" in refused(
         "calibrate", run, *common, "--receptors", "5,200"
     )
+
+
+def test_defaults_that_mjcf_inherits_count(tmp_path):
+    """Drake's own parser drops the axis of `tilt`, which its class inherits from the main one."""
+    (tmp_path / "arm.xml").write_text(
+        "<mujoco model='arm'><compiler angle='radian'/>"
+        "<default><joint axis='0 1 0'/><default class='arm'><site size='.01'/></default></default>"
+        "<worldbody><body name='base' childclass='arm'><geom size='.1'/>"
+        "<body name='tip' pos='0 0 .3'><joint name='tilt'/><geom size='.1' pos='0 0 .2'/></body>"
+        "</body></worldbody></mujoco>"
+    )
+    kinematics, _ = read_kinematics(tmp_path / "arm.xml", ["tilt"], "base", "tip", 0.01)
+    turned = kinematics.poses(np.array([[0.5]]))[0, 1, :, 2]
+    np.testing.assert_allclose(turned, [np.sin(0.5), 0.0, np.cos(0.5)], atol=1e-9)

@@ -1,6 +1,8 @@
 """What other people's models leave out or do in their own way, and what becomes of it."""
 
+import dataclasses
 import logging
+import re
 import warnings
 
 import numpy as np
@@ -13,6 +15,7 @@ from pydrake.geometry import Mesh
 from selftouch_drake.experiment import ExperimentError, experiment_from_fields
 from selftouch_drake.robot import World
 from selftouch_drake.robot.faces import FaceReader
+from selftouch_drake.robot.facts import JointFacts, Parsed, check_facts
 from selftouch_drake.robot.links import as_mesh
 from selftouch_drake.robot.model_warnings import ModelWarning, _warn_once
 
@@ -122,8 +125,30 @@ def test_what_is_left_out_is_told_once(tmp_path):
     assert lines == [
         "arm.xml: The attribute 'stiffness' found in a 'joint' tag is currently unsupported and "
         "will be ignored. (2 times)",
+        "arm.xml: tendon 't' is left out",
         "arm.xml: actuator 'pull' acts on no single joint, and its effort is left out",
     ]
+
+
+@pytest.mark.parametrize(
+    ("tampered", "line"),
+    [
+        ({"poses": {"l2": ("l1", np.eye(3, 4))}}, "Drake puts body 'l2' 300 mm away from where"),
+        (
+            {"joints": {"j2": JointFacts(lower=-1, upper=1, placed=("l2", np.eye(2, 3)))}},
+            "Drake moves joint 'j2' about another axis than the file",
+        ),
+        ({"joints": {"j9": JointFacts(lower=-1, upper=1)}}, "joint 'j9' was lost"),
+    ],
+)
+def test_what_drake_reads_in_another_way_is_refused(tampered, line, tmp_path):
+    (tmp_path / "arm.xml").write_text(Mjcf().of())
+    loaded = Loaded(tmp_path / "arm.xml", tmp_path)
+    ((model, facts),) = loaded.parsed.models
+    check_facts(loaded.plant, loaded.parsed)
+    wrong = Parsed(models=[(model, dataclasses.replace(facts, **tampered))], logged=[])
+    with pytest.raises(ExperimentError, match=re.escape(line)):
+        check_facts(loaded.plant, wrong)
 
 
 def test_errors_name_the_author_s_file(tmp_path):
