@@ -7,6 +7,7 @@ import numpy as np
 
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.links import scoped_name
+from selftouch_drake.robot.pairs import RigidPair
 from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.world import World
 
@@ -23,7 +24,7 @@ def description(world: World) -> list[tuple[str, list[tuple[str, ...]]]]:
     """Title and rows of the joints, the skins, what touches them, and rigid links."""
     robot = world.robot
     rigid = "No links can run into each other: they have no collision geometry that could"
-    if number := len(robot.rigid_pairs):
+    if number := len(_linked(robot)):
         rigid = f"{_counted(number, 'pair', 'pairs')} of rigid links must not run into each other"
     return [
         (_counted(robot.num_joints, "joint moves", "joints move"), list(_joints(world))),
@@ -74,11 +75,18 @@ def _touching(robot: Robot) -> Iterator[tuple[str, ...]]:
 
 
 def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
-    for pair in robot.rigid_pairs[:_MOST_PAIRS]:
+    pairs = _linked(robot)
+    for pair in pairs[:_MOST_PAIRS]:
         a, b = (link.name() for link in pair.links)
         yield a, b, f"at most {1e3 * pair.allowed_depth:.0f} mm deep"
-    if (more := len(robot.rigid_pairs) - _MOST_PAIRS) > 0:
+    if (more := len(pairs) - _MOST_PAIRS) > 0:
         yield (f"and {more} more",)
+
+
+def _linked(robot: Robot) -> list[RigidPair]:
+    """One pair of each two links; some of whose geometries only may collide have several."""
+    of_links = {tuple(int(link.index()) for link in pair.links): pair for pair in robot.rigid_pairs}
+    return list(of_links.values())
 
 
 def _table(title: str, cells: Sequence[tuple[str, ...]]) -> str:

@@ -68,6 +68,8 @@ class Toucher:
 class RigidPair:
     """Two links whose own geometries must not run into each other.
 
+    Where only some geometries of a link meet some of the other, two links have several pairs.
+
     Attributes:
         links: the two bodies.
         geometry_ids: the geometries of each.

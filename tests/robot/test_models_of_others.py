@@ -14,6 +14,7 @@ from pydrake.geometry import Mesh
 
 from selftouch_drake.experiment import ExperimentError, experiment_from_fields
 from selftouch_drake.robot import World
+from selftouch_drake.robot.describe import description
 from selftouch_drake.robot.faces import FaceReader
 from selftouch_drake.robot.facts import JointFacts, Parsed, check_facts
 from selftouch_drake.robot.links import as_mesh
@@ -23,6 +24,7 @@ DIRECTIVES = """directives:
 - add_model: {{name: arm, file: {file}}}
 - add_frame: {{name: tip, X_PF: {{base_frame: 'arm::hand', translation: [0, 0, 0.3]}}}}
 {weld}"""
+HAND_L2 = {"hand", "l2"}
 WELD = "- add_weld: {parent: world, child: 'arm::base'}\n"
 
 
@@ -171,3 +173,13 @@ def test_nothing_is_said_of_links_with_several_geometries(tmp_path, caplog):
     with caplog.at_level(logging.WARNING, logger="drake"):
         FaceReader(robot.plant)
     assert caplog.records == []
+
+
+def test_two_links_are_listed_once_though_geometries_meet_in_groups(tmp_path):
+    """Of two links with a box and a ball each, boxes meet boxes, and balls meet balls."""
+    ball = "contype='4' conaffinity='4' /><geom type='sphere' size='.01' pos='0 0 .3'"
+    built = world(tmp_path, Mjcf(in_geoms={"hand": ball, "l2": ball}).of(), ".xml")
+    pairs = [pair for pair in built.robot.rigid_pairs if {k.name() for k in pair.links} == HAND_L2]
+    assert len(pairs) == 2
+    listed = [row for row in description(built)[-1][1] if {row[0], row[1]} == HAND_L2]
+    assert len(listed) == 1
