@@ -198,6 +198,11 @@ class ContactRules:
             for pair in facts.paired:
                 self._paired.add(frozenset(named[name] for name in pair if name in named))
             for pair in facts.excluded:
+                if unknown := [name for name in pair if not plant.HasBodyNamed(name, model)]:
+                    raise ExperimentError(
+                        f"{facts.path}: <exclude> names the body {unknown[0]!r}, which is not "
+                        "there; correct it"
+                    )
                 bodies = (plant.GetBodyByName(name, model).index() for name in pair)
                 self._excluded.add(frozenset(bodies))
 

@@ -62,7 +62,7 @@ def write_out(document: Any, path: Path) -> None:
         for element in list(document.getElementsByTagName(kind)):
             if element.parentNode.nodeName != "default":
                 element.parentNode.removeChild(element)
-    _fill_in(document, _defaults(root))
+    _fill_in(document, _defaults(root), path)
     for option in document.getElementsByTagName("option"):
         _keep_attributes(option, _OPTIONS)
     _rename(document)
@@ -86,6 +86,8 @@ def write_out(document: Any, path: Path) -> None:
 
 def strip_for_drake(document: Any) -> None:
     """Removes what Drake warns of although it was read here, or has no meaning without MuJoCo."""
+    pairs = document.getElementsByTagName("pair")
+    paired = {pair.getAttribute(end) for pair in pairs for end in ("geom1", "geom2")}
     for kind in ("actuator", "contact", "equality", "tendon"):
         for section in list(document.getElementsByTagName(kind)):
             section.parentNode.removeChild(section)
@@ -98,7 +100,7 @@ def strip_for_drake(document: Any) -> None:
     for kind, names in _UNUSED.items():
         for element in document.getElementsByTagName(kind):
             # The zeros of a geometry that collides with nothing stay.
-            if kind != "geom" or collides(element):
+            if kind != "geom" or collides(element) or element.getAttribute("name") in paired:
                 _drop_attributes(element, names)
             if kind == "geom" and element.hasAttribute("friction"):
                 element.setAttribute("friction", element.getAttribute("friction").split()[0])
@@ -133,9 +135,16 @@ def contact_bits(geom: Any) -> tuple[int, int]:
     return int(contype), int(affinity)
 
 
-def numbers(text: str) -> list[float]:
-    """The numbers of an attribute."""
-    return [float(word) for word in text.split()]
+def numbers(text: str, wanted: int | None = None) -> list[float]:
+    """The numbers of an attribute, as many as `wanted`.
+
+    Raises:
+        ValueError: they are fewer or more, or no numbers.
+    """
+    found = [float(word) for word in text.split()]
+    if wanted is not None and len(found) != wanted:
+        raise ValueError(f"{text!r} has {len(found)} numbers, not {wanted}")
+    return found
 
 
 def _one_compiler(document: Any) -> Any:
@@ -194,6 +203,8 @@ def _defaults(root: Any) -> dict[str, _Settings]:
 
     for section in [child for child in _elements(root) if child.nodeName == "default"]:
         read(section, classes["main"], "main")
+        # The outermost class may have a name of its own.
+        classes[section.getAttribute("class") or "main"] = classes["main"]
         root.removeChild(section)
     return classes
 
@@ -206,15 +217,24 @@ def _inherit(settings: dict[str, str], own: Mapping[str, str]) -> None:
     settings.update(own)
 
 
-def _fill_in(document: Any, classes: Mapping[str, _Settings]) -> None:
-    """Writes the settings of its class into each element; removes the names of classes."""
+def _fill_in(document: Any, classes: Mapping[str, _Settings], path: Path) -> None:
+    """Writes the settings of its class into each element; removes the names of classes.
+
+    Raises:
+        ExperimentError: there is no such class.
+    """
 
     def walk(node: Any, section: str, of_children: str) -> None:
         for child in _elements(node):
             kind = child.nodeName
             own = dict(child.attributes.items())
             wanted = own.pop("class", "") or of_children
-            inherited = classes.get(wanted, {}).get(_family(kind, section), {})
+            if wanted not in classes:
+                raise ExperimentError(
+                    f"{path}: <{kind}> {own.get('name', '')!r} has the class {wanted!r}, which no "
+                    "<default> describes; correct it"
+                )
+            inherited = classes[wanted].get(_family(kind, section), {})
             if inherited and kind not in ("body", "frame"):
                 settings = dict(inherited)
                 _inherit(settings, own)
@@ -300,7 +320,8 @@ def _orient(element: Any, to_radians: Callable[[float], float], order: str) -> N
     given = [name for name in _ORIENTATIONS if element.hasAttribute(name)]
     for name in given:
         if name != "quat":
-            turned = _READERS[name](numbers(element.getAttribute(name)), to_radians, order)
+            read, length = _READERS[name]
+            turned = read(numbers(element.getAttribute(name), length), to_radians, order)
             element.removeAttribute(name)
             element.setAttribute("quat", _text(turned.as_quat(scalar_first=True)))
 
@@ -336,11 +357,12 @@ def _of_euler_angles(given: list[float], to_radians: Callable, order: str) -> Ro
     return turned
 
 
+# How to read an orientation, and of how many numbers.
 _READERS = {
-    "axisangle": _of_axis_angle,
-    "xyaxes": _of_two_axes,
-    "zaxis": _of_z_axis,
-    "euler": _of_euler_angles,
+    "axisangle": (_of_axis_angle, 4),
+    "xyaxes": (_of_two_axes, 6),
+    "zaxis": (_of_z_axis, 3),
+    "euler": (_of_euler_angles, 3),
 }
 
 
@@ -348,7 +370,7 @@ def _limit(joint: Any, compiler: Any, to_radians: Callable[[float], float], path
     """Writes whether a joint is limited, and its range in radians or metres."""
     kind, name = joint_kind(joint), joint.getAttribute("name")
     limited = joint.getAttribute("limited") or "auto"
-    low, high = numbers(joint.getAttribute("range") or "0 0")
+    low, high = numbers(joint.getAttribute("range") or "0 0", 2)
     if limited == "auto":
         has_limits = compiler.getAttribute("autolimits") != "false" and low < high
     else:
@@ -379,7 +401,12 @@ def _give_ends_a_pose(geom: Any, path: Path) -> None:
         )
     if not geom.hasAttribute("fromto"):
         return
-    ends = np.array(numbers(geom.getAttribute("fromto"))).reshape(2, 3)
+    if kind not in ("capsule", "cylinder", "box", "ellipsoid"):
+        raise ExperimentError(
+            f"{path}: geom {geom.getAttribute('name')!r} is a {kind}, which has no two ends; give "
+            "it another type, or leave fromto out"
+        )
+    ends = np.array(numbers(geom.getAttribute("fromto"), 6)).reshape(2, 3)
     length = float(np.linalg.norm(ends[0] - ends[1]))
     radius = numbers(geom.getAttribute("size"))[0]
     turned = _of_z_axis((ends[0] - ends[1]).tolist(), float, "")
@@ -396,9 +423,9 @@ def _dissolve(frame: Any) -> None:
     turn, shift = pose_of(frame)
     for child in _elements(frame):
         if child.nodeName == "joint":
-            axis = numbers(child.getAttribute("axis") or "0 0 1")
+            axis = numbers(child.getAttribute("axis") or "0 0 1", 3)
             child.setAttribute("axis", _text(turn.apply(axis)))
-            place = numbers(child.getAttribute("pos") or "0 0 0")
+            place = numbers(child.getAttribute("pos") or "0 0 0", 3)
             child.setAttribute("pos", _text(turn.apply(place) + shift))
         elif child.nodeName in _OF_A_BODY and child.nodeName != "freejoint":
             own_turn, own_shift = pose_of(child)
@@ -410,8 +437,8 @@ def _dissolve(frame: Any) -> None:
 
 def pose_of(element: Any) -> tuple[Rotation, np.ndarray]:
     """Rotation and `(3,)` m, the pose of an element that is written out."""
-    quat = numbers(element.getAttribute("quat") or "1 0 0 0")
-    place = numbers(element.getAttribute("pos") or "0 0 0")
+    quat = numbers(element.getAttribute("quat") or "1 0 0 0", 4)
+    place = numbers(element.getAttribute("pos") or "0 0 0", 3)
     return Rotation.from_quat(quat, scalar_first=True), np.array(place)
 
 

@@ -7,12 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.robot.facts import JointFacts, ModelFacts
 from selftouch_drake.robot.mjcf import collides, contact_bits, joint_kind, numbers, pose_of
 
 
 def mjcf_facts(document: Any, path: Path) -> ModelFacts:
-    """Reads the facts of an MJCF file that is written out, before its sections are removed."""
+    """Reads the facts of an MJCF file that is written out, before its sections are removed.
+
+    Raises:
+        ExperimentError: an actuator or a coupling names a joint that is not there.
+    """
     notes = [
         f"tendon {tendon.getAttribute('name')!r} is left out"
         for tendon in _of_sections(document, "tendon")
@@ -25,6 +30,13 @@ def mjcf_facts(document: Any, path: Path) -> ModelFacts:
         if joint_kind(joint) in ("hinge", "slide")
     }
     followers, loops = _couplings(document)
+    names = {joint.getAttribute("name") for joint in document.getElementsByTagName("joint")}
+    if unknown := sorted({*efforts, *followers} - names):
+        raise ExperimentError(
+            f"{path}: an <actuator> or <equality> names the joint {unknown[0]!r}, which is not "
+            "there; correct it"
+        )
+    paired = _pairs(document, "pair", "geom1", "geom2")
     return ModelFacts(
         path=path,
         joints=joints,
@@ -34,10 +46,10 @@ def mjcf_facts(document: Any, path: Path) -> ModelFacts:
         contact_bits={
             geom.getAttribute("name"): contact_bits(geom)
             for geom in document.getElementsByTagName("geom")
-            if collides(geom)
+            if collides(geom) or any(geom.getAttribute("name") in pair for pair in paired)
         },
         excluded=_pairs(document, "exclude", "body1", "body2"),
-        paired=_pairs(document, "pair", "geom1", "geom2"),
+        paired=paired,
         poses=dict(_poses(document)),
     )
 
@@ -49,7 +61,7 @@ def _of_joint(joint: Any, body: str, efforts: Mapping[str, float]) -> JointFacts
     effort = min(efforts.get(joint.getAttribute("name"), math.inf), _largest(joint, "actuatorfrc"))
     armature = float(joint.getAttribute("armature") or 0.0)
     axis, place = (
-        numbers(joint.getAttribute(name) or usual)
+        numbers(joint.getAttribute(name) or usual, 3)
         for name, usual in (("axis", "0 0 1"), ("pos", "0 0 0"))
     )
     return JointFacts(
@@ -102,7 +114,7 @@ def _largest(element: Any, what: str) -> float:
     As in MuJoCo, a range of no width is no limit, unless the file says that it is one.
     """
     limited = element.getAttribute(f"{what}limited") or "auto"
-    low, high = numbers(element.getAttribute(f"{what}range") or "0 0")
+    low, high = numbers(element.getAttribute(f"{what}range") or "0 0", 2)
     if limited == "false" or low >= high:
         return math.inf
     return max(abs(low), abs(high))

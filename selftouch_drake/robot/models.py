@@ -241,8 +241,16 @@ class _Reader:
         kind = document.documentElement.tagName
         if kind == "mujoco":
             self._join_included(document, document, path.parent)
-            write_out(document, path)
-            facts = mjcf_facts(document, path)
+            try:
+                write_out(document, path)
+                facts = mjcf_facts(document, path)
+            except ExperimentError:
+                raise
+            except (ValueError, IndexError) as error:  # such as a number that is none
+                reason = " ".join(str(error).split())[:200]
+                raise ExperimentError(
+                    f"{path} is not readable MJCF ({reason}); open it in MuJoCo, and correct it"
+                ) from None
             strip_for_drake(document)
             return facts, True
         if kind == "sdf":

@@ -143,6 +143,10 @@ SAME_MJCF = {
     "an equality that is off": Mjcf(
         foot="<equality><joint joint1='j1' joint2='j2' active='false'/></equality>"
     ),
+    "the main class by a name of its own": Mjcf(
+        head="<default class='own'><site size='.01'/></default>",
+        in_joints={"j1": "class='own'"},
+    ),
     "bits that all share": Mjcf(
         in_geoms=dict.fromkeys(("l1", "l2", "hand"), "contype='3' conaffinity='1'")
     ),
@@ -291,6 +295,13 @@ OTHER_MJCF = {
         ).of(),
         "pairs",
     ),
+    "a pair of which one is only seen otherwise": (
+        Mjcf(
+            in_geoms={"hand": "contype='0' conaffinity='0'"},
+            foot="<contact><pair geom1='hand_box' geom2='l1_box'/></contact>",
+        ).of(),
+        "pairs",
+    ),
 }
 
 
@@ -392,6 +403,41 @@ REFUSED = {
         Mjcf(head="<asset><mesh name='m' file='m.obj' refpos='1 0 0'/></asset>").of(),
         ".xml",
         "mesh 'm' has refpos '1 0 0'",
+    ),
+    "a class that nobody describes": (
+        Mjcf(in_joints={"j2": "class='elbow'"}).of(),
+        ".xml",
+        "<joint> 'j2' has the class 'elbow', which no <default> describes",
+    ),
+    "a number that is none": (
+        Mjcf(in_joints={"j2": "ref='half'"}).of(),
+        ".xml",
+        "is not readable MJCF (could not convert string to float: 'half')",
+    ),
+    "too few numbers": (
+        Mjcf(in_geoms={"hand": "euler='1 2'"}).of(),
+        ".xml",
+        "is not readable MJCF ('1 2' has 2 numbers, not 3)",
+    ),
+    "a place of one number": (
+        Mjcf().of().replace("<body name='l1' pos='0 0 0.29999999999999999'", "<body pos='1'"),
+        ".xml",
+        "is not readable MJCF ('1' has 1 numbers, not 3)",
+    ),
+    "an actuator of nothing": (
+        Mjcf(motors="<motor joint='{joint}_'/>").of(),
+        ".xml",
+        "names the joint 'j1_', which is not there",
+    ),
+    "a ball with two ends": (
+        Mjcf(in_bodies="<geom size='.1' fromto='0 0 0 0 0 1'/>").of(),
+        ".xml",
+        "is a sphere, which has no two ends",
+    ),
+    "an exclusion of nobody": (
+        Mjcf(foot="<contact><exclude body1='hand' body2='lid'/></contact>").of(),
+        ".xml",
+        "<exclude> names the body 'lid', which is not there",
     ),
     "a shape that is fitted": (
         Mjcf(
