@@ -9,7 +9,8 @@ import numpy as np
 
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.robot.facts import JointFacts, ModelFacts
-from selftouch_drake.robot.mjcf import collides, contact_bits, joint_kind, numbers, pose_of
+from selftouch_drake.robot.mjcf_poses import pose_of
+from selftouch_drake.robot.mjcf_xml import collides, contact_bits, joint_kind, numbers
 
 
 def mjcf_facts(document: Any, path: Path) -> ModelFacts:
