@@ -39,12 +39,13 @@ def world(folder, content, suffix, skins=("l1",), **robot):
     weld = "" if suffix == ".xml" else WELD
     (folder / "r.dmd.yaml").write_text(DIRECTIVES.format(file=f"arm{suffix}", weld=weld))
     shape = {"shape": "sphere", "radius": 0.1, "resolution": 0.1}
+    skin = {"surface": shape, "num_receptors": 20}
     return World(
         experiment_from_fields(
             {
                 "name": "test",
                 "robot": {"directives": str(folder / "r.dmd.yaml"), **robot},
-                "skins": {name: {"link": name, "surface": shape, "num_receptors": 20} for name in skins},
+                "skins": {name: {"link": name, **skin} for name in skins},
                 "touching": {"tip": {"frame": "tip", "radius": 0.01}},
             }
         )
