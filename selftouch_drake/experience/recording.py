@@ -4,38 +4,44 @@ A recording is a file of one of the kinds `KINDS`, or a folder of files of one k
 layout of LeRobot (`meta/info.json`, `data/`) are understood.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.experience.columns import KINDS, TEXT_KINDS
-from selftouch_drake.experience.recorded_file import (
+from selftouch_drake.experience.choice import Wanted
+from selftouch_drake.experience.containers.kinds import (
+    BAG_KINDS,
+    HINTS,
+    KINDS,
+    KINDS_TEXT,
+    LOOSE_TEXT_KINDS,
+    TEXT_KINDS,
+    is_rosbag_folder,
+    kind_of,
+    read_columns,
+)
+from selftouch_drake.experience.containers.lerobot import is_lerobot, lerobot_names
+from selftouch_drake.experience.containers.yarp import is_yarp_log
+from selftouch_drake.experience.recorded import Recording
+from selftouch_drake.experience.recorded_file import recorded
+from selftouch_drake.experience.recording_error import RecordingError
+from selftouch_drake.experience.side_by_side import (
+    belonging_together,
+    columns_for,
+    side_by_side,
+)
+from selftouch_drake.experience.times import SECONDS_IN
+from selftouch_drake.experience.units import plain_form
+from selftouch_drake.experience.usual_names import (
     Q_NAMES,
     SENSATION_NAMES,
     TIME_NAMES,
-    Recording,
-    Wanted,
     in_order_of_numbers,
-    read_file,
 )
-from selftouch_drake.experience.recording_error import RecordingError
-from selftouch_drake.experience.times import SECONDS_IN
-from selftouch_drake.experience.units import plain_form
 from selftouch_drake.experiment import shown
 from selftouch_drake.files import content_digest
-
-_KINDS_TEXT = "parquet, feather, csv, tsv, npz, npy or mat"
-# What others call their files.
-_HINTS = {
-    **dict.fromkeys((".xlsx", ".xls", ".ods"), "save it as csv"),
-    **dict.fromkeys((".h5", ".hdf5", ".pkl", ".pickle"), "save its arrays as npz"),
-    **dict.fromkeys((".bag", ".db3", ".mcap"), "export its topics as csv or parquet"),
-    **dict.fromkeys((".txt", ".dat", ".log"), "rename it to .csv, if it is a table"),
-    **dict.fromkeys((".gz", ".zip", ".zst", ".xz", ".7z"), "unpack it"),
-}
 
 
 def read_recording(
@@ -83,10 +89,10 @@ def read_recording(
         time_unit=time_unit,
         rows=rows,
         delimiter=delimiter,
-        named=_lerobot_names(source),
+        named=lerobot_names(source),
     )
-    parts = [read_file(path, wanted, number) for number, path in enumerate(files)]
-    _require_one_robot([group[0] for group in files], parts)
+    sources, parts = _read(source, files, wanted)
+    _require_one_robot(sources, parts)
     joined = _joined(parts)
     joined = replace(joined, notes=tuple(dict.fromkeys([*notes, *joined.notes])))
     if rows and not joined.num_rows:
@@ -97,6 +103,37 @@ def read_recording(
             "record q and sensation in the same row"
         )
     return joined
+
+
+def _read(
+    source: Path, files: Sequence[Sequence[Path]], wanted: Wanted
+) -> tuple[list[Path], list[Recording]]:
+    """Each piece of a recording, and the file or folder that it is from."""
+    first = read_columns(files[0], wanted.delimiter)
+    if len(files) > 1 and not all(columns_for(first, str(files[0][0]), wanted).values()):
+        paths = [group[0] for group in files]
+        contents = [first, *(read_columns(group, wanted.delimiter) for group in files[1:])]
+        held = [
+            columns_for(one, str(path), wanted) for one, path in zip(contents, paths, strict=True)
+        ]
+        groups = belonging_together(paths, held, source)
+        if groups is not None:
+            parts = [
+                recorded(
+                    side_by_side([paths[n] for n in group], [contents[n] for n in group], wanted),
+                    source,
+                    replace(wanted, q=None, sensation=None, time=None),
+                    number,
+                )
+                for number, group in enumerate(groups)
+            ]
+            return [source] * len(parts), parts
+    sources = [group[0] if len(group) == 1 else group[0].parent for group in files]
+    parts = []
+    for number, (group, path) in enumerate(zip(files, sources, strict=True)):
+        contents_of_file = read_columns(group, wanted.delimiter) if number else first
+        parts.append(recorded(contents_of_file, path, wanted, number))
+    return sources, parts
 
 
 def _require_one_robot(files: Sequence[Path], parts: Sequence[Recording]) -> None:
@@ -142,34 +179,31 @@ def _joined(parts: Sequence[Recording]) -> Recording:
 def _files(source: Path) -> tuple[list[list[Path]], list[str]]:
     """The files of a recording, in order, those of one piece of motion together; and notes."""
     if source.is_file():
-        kind = source.suffix.lower()
+        kind = kind_of(source)
         if kind == ".npy":
             raise RecordingError(
                 f"{source} holds one array; give the folder that holds those of joints and skin"
             )
         if kind not in KINDS:
-            remedy = _HINTS.get(kind, "convert it to one")
-            raise RecordingError(f"{source} is not a {_KINDS_TEXT} file; {remedy}")
+            remedy = HINTS.get(kind, "convert it to one")
+            raise RecordingError(f"{source} is not a {KINDS_TEXT} file; {remedy}")
         return [[source]], []
     if not source.is_dir():
         raise FileNotFoundError(f"{source} does not exist; give a file or a folder")
-    folder = source / "data" if (source / "meta" / "info.json").is_file() else source
-    every = [path for path in folder.rglob("*") if path.suffix.lower() in KINDS and path.is_file()]
-    found = [path for path in every if not _is_left_behind(path.relative_to(folder))]
-    found.sort(key=lambda path: in_order_of_numbers(str(path.relative_to(folder))))
-    notes = []
-    if len(every) > len(found):
-        notes.append(f"{len(every) - len(found)} hidden files or copies of an editor are left out")
-    kinds = sorted({path.suffix.lower() for path in found})
+    if is_rosbag_folder(source):
+        return [[source]], []
+    folder = source / "data" if is_lerobot(source) else source
+    found, notes = _found_in(folder)
+    kinds = sorted({_kind(path) for path in found})
     if not found:
-        others = {path.suffix.lower() for path in folder.rglob("*") if path.is_file()} & {*_HINTS}
-        remedy = _HINTS[min(others)] if others else "give another folder"
-        raise RecordingError(f"{folder} holds no {_KINDS_TEXT} file; {remedy}")
+        others = {path.suffix.lower() for path in folder.rglob("*") if path.is_file()} & {*HINTS}
+        remedy = HINTS[min(others)] if others else "give another folder"
+        raise RecordingError(f"{folder} holds no {KINDS_TEXT} file; {remedy}")
     if len(kinds) > 1 and not {*kinds} <= {*TEXT_KINDS}:
         raise RecordingError(f"{folder} holds files of kinds {', '.join(kinds)}; give one kind")
     if kinds == [".npy"]:
         return _grouped(found), notes
-    contents = {path: content_digest(path) for path in found}
+    contents = {path: path if path.is_dir() else content_digest(path) for path in found}
     first_of = {contents[path]: path for path in reversed(found)}
     copies = [path for path in found if first_of[contents[path]] != path]
     if copies:
@@ -179,6 +213,31 @@ def _files(source: Path) -> tuple[list[list[Path]], list[str]]:
             f"{same.name}"
         )
     return [[path] for path in found if path not in copies], notes
+
+
+def _found_in(folder: Path) -> tuple[list[Path], list[str]]:
+    """The files of known kinds in a folder, in order, a bag of ROS 2 as its folder; and notes."""
+    every = [
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and (kind_of(path) in KINDS or is_yarp_log(path))
+    ]
+    found = [path for path in every if not _is_left_behind(path.relative_to(folder))]
+    notes = []
+    if len(every) > len(found):
+        notes.append(f"{len(every) - len(found)} hidden files or copies of an editor are left out")
+    # Pages of text lie beside recordings of all kinds.
+    if any(kind_of(path) not in LOOSE_TEXT_KINDS for path in found):
+        found = [path for path in found if kind_of(path) not in LOOSE_TEXT_KINDS]
+    bags = {path.parent for path in found if kind_of(path) in BAG_KINDS}
+    bags = {path for path in bags if is_rosbag_folder(path)}
+    found = [*bags, *(path for path in found if path.parent not in bags)]
+    found.sort(key=lambda path: in_order_of_numbers(str(path.relative_to(folder))))
+    return found, notes
+
+
+def _kind(path: Path) -> str:
+    return "a bag of ROS 2" if path.is_dir() else kind_of(path)
 
 
 def _is_left_behind(path: Path) -> bool:
@@ -202,22 +261,3 @@ def _grouped(found: list[Path]) -> list[list[Path]]:
         beginning = form[: len(form) - len(ending)] if ending else ""
         groups.setdefault((path.parent, beginning), []).append(path)
     return list(groups.values())
-
-
-def _lerobot_names(source: Path) -> dict[str, list[str]]:
-    """LeRobot's names for the numbers of each column, where it has any."""
-    file = source / "meta" / "info.json"
-    if not file.is_file():
-        return {}
-    try:
-        features = json.loads(file.read_text(encoding="utf-8"))["features"]
-        names = {name: feature.get("names") for name, feature in features.items()}
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise RecordingError(f"{file} is damaged; write it again") from None
-    found = {}
-    for name, given in names.items():
-        # Some versions have a list, others a mapping with one list in it.
-        given = next(iter(given.values()), None) if isinstance(given, dict) else given
-        if isinstance(given, list):
-            found[name] = [str(one) for one in given]
-    return found

@@ -11,7 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from selftouch_drake.experience.columns import Column, numbers_in
+from selftouch_drake.experience.columns import numbers_in
+from selftouch_drake.experience.containers.contents import Column
 from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.store import one_chunk
 from selftouch_drake.experience.units import named
@@ -36,10 +37,12 @@ class Times:
     Attributes:
         time_s: `(n,)` s; NaN where one is missing.
         note: what they were, if not seconds; else empty.
+        origin_s: s since 1970, or since whenever this clock began, at which `time_s` is 0.
     """
 
     time_s: np.ndarray
     note: str
+    origin_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +75,8 @@ def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
     """
     dates = _dates(column)
     if dates is not None:
-        return Times(time_s=_from_first(dates * 1e-9), note="dates")
+        counts, first_ns = dates
+        return Times(time_s=counts * 1e-9, note="dates", origin_s=first_ns * 1e-9)
     try:
         counts = numbers_in(column, what)
     except RecordingError:
@@ -97,7 +101,7 @@ def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
         first = there[0]
         wide = counts.astype(float) if counts.dtype.kind == "f" else counts.astype(np.int64)
         seconds = (wide - wide.dtype.type(first)).astype(float) * factor
-        return Times(time_s=seconds, note=f"{unit} since 1970")
+        return Times(time_s=seconds, note=f"{unit} since 1970", origin_s=float(first) * factor)
     seconds = counts.astype(float) * factor
     step = _median_step(seconds[np.isfinite(seconds)])
     if unit is None and step > _LONGEST_STEP_S:
@@ -172,13 +176,11 @@ def _unit_since_1970(counts: np.ndarray) -> str | None:
     return None
 
 
-def _from_first(seconds: np.ndarray) -> np.ndarray:
-    there = seconds[np.isfinite(seconds)]
-    return seconds - there[0] if len(there) else seconds
+def _dates(column: Column) -> tuple[np.ndarray, int] | None:
+    """`(n,)` ns from the first date, NaN where one is missing, and ns of that since 1970.
 
-
-def _dates(column: Column) -> np.ndarray | None:
-    """`(n,)` ns since some day, NaN where one is missing; None if these are no dates."""
+    None if these are no dates.
+    """
     if isinstance(column, np.ndarray):
         if column.dtype.kind == "U":
             return _written_dates(column.ravel())
@@ -190,8 +192,8 @@ def _dates(column: Column) -> np.ndarray | None:
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
         return _written_dates(np.array(column.fill_null("").to_pylist(), dtype=str))
     if pa.types.is_time(kind):
-        wide = one_chunk(column).cast(pa.time64("ns")).cast(pa.int64())
-        return np.asarray(wide.to_numpy(zero_copy_only=False), dtype=float)
+        wide = one_chunk(column).cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
+        return _counted(wide.to_numpy(zero_copy_only=False))
     if pa.types.is_timestamp(kind):
         column = pc.cast(column, pa.timestamp("ns", kind.tz))
     elif pa.types.is_duration(kind):
@@ -201,17 +203,19 @@ def _dates(column: Column) -> np.ndarray | None:
     return _counted(one_chunk(column).to_numpy(zero_copy_only=False))
 
 
-def _counted(dates: np.ndarray) -> np.ndarray:
-    """`(n,)` ns from the first date that is there, as floats; NaN where one is missing."""
+def _counted(dates: np.ndarray) -> tuple[np.ndarray, int]:
+    """`(n,)` ns from the first date that is there, as floats, NaN if missing; and that date."""
     there = ~np.isnat(dates)
     counts = np.full(len(dates), np.nan)
-    if there.any():
-        counts[there] = (dates[there] - dates[there][0]).astype(np.int64)
-    return counts
+    if not there.any():
+        return counts, 0
+    first = dates[there][0]
+    counts[there] = (dates[there] - first).astype(np.int64)
+    return counts, int(first.astype(np.int64))
 
 
-def _written_dates(words: np.ndarray) -> np.ndarray | None:
-    """`(n,)` ns of dates or times of a day as text; None if they are none."""
+def _written_dates(words: np.ndarray) -> tuple[np.ndarray, int] | None:
+    """As of `_dates`, of dates or times of a day as text; None if they are none."""
     texts = [re.sub(r"(Z|[+-]\d{2}:?\d{2}| UTC)$", "", word.strip()) for word in words.tolist()]
     texts = [text.replace(",", ".").replace("/", "-") for text in texts]
     if any(re.match(r"\d{1,2}:\d{2}", text) for text in texts):

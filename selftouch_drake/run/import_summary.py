@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from selftouch_drake.experience.recorded_file import Recording
+from selftouch_drake.experience.recorded import Recording
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.imported import Data
 
@@ -82,10 +82,10 @@ def _time(recording: Recording) -> str:
     dt = np.diff(recording.time_s)[recording.follows]
     dt = dt[dt > 0]
     if not len(dt):
-        return f"time: column {recording.time_from}, which stands still{several}"
+        return f"time: {recording.time_from}, which stands still{several}"
     gaps = f", {recording.num_gaps:,} gaps" if recording.num_gaps else ""
     return (
-        f"time: {dt.sum():,.4g} s at {1 / np.median(dt):.4g} Hz, from column "
+        f"time: {dt.sum():,.4g} s at {1 / np.median(dt):.4g} Hz, from "
         f"{recording.time_from}{gaps}{several}"
     )
 

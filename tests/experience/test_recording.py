@@ -246,7 +246,8 @@ def test_incomplete_rows_are_left_out_and_counted(tmp_path):
         (
             {"q": Q, "touch": READINGS[:3]},
             {},
-            "a.npz has 4 rows of q and 3 of sensation; record them together",
+            "a.npz has 4 rows of q and 3 of sensation; record them together, or give each times of "
+            "its own",
         ),
         (
             {"q": Q, "touch": np.full((4, 12), "a")},
@@ -272,7 +273,7 @@ def test_what_cannot_be_used_is_refused(arrays, options, message, tmp_path, monk
 def test_folders_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere does not exist; give a file or a folder"):
         read_recording(tmp_path / "nowhere")
-    with pytest.raises(RecordingError, match=r"holds no parquet, .* file"):
+    with pytest.raises(RecordingError, match=r"holds no csv, .* file"):
         read_recording(tmp_path)
     np.savez(tmp_path / "a.npz", q=Q, touch=READINGS)
     np.savez(tmp_path / "b.npz", q=Q[:, :2], touch=READINGS)

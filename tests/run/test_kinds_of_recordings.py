@@ -245,10 +245,10 @@ def test_the_format_does_not_matter(kind, good, tmp_path):
 @pytest.mark.parametrize(
     ("name", "remedy"),
     [
-        ("a.h5", "save its arrays as npz"),
+        ("a.pkl", "save its arrays as npz"),
         ("a.bag", "export its topics"),
         ("a.xlsx", "save it as csv"),
-        ("a.txt", "rename it"),
+        ("a.log", "rename it"),
         ("a.npy", "give the folder"),
     ],
 )

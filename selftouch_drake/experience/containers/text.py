@@ -1,12 +1,13 @@
 """Tables as text, as other people's tools write them: CSV, TSV, the files of `numpy.savetxt`.
 
 What is understood: comments and blanks before the header, no header at all, a row of units below
-it, commas at the end of a row, decimal commas, lists in cells, UTF-16, and single rows that are
-broken.
+it, commas at the end of a row, decimal commas, lists in cells, UTF-16, gzip, and single rows that
+are broken.
 """
 
 import codecs
 import csv
+import gzip
 import io
 import re
 from collections.abc import Sequence
@@ -73,11 +74,11 @@ def read_text_table(path: Path, delimiter: str | None) -> TextTable:
 
     Raises:
         RecordingError: the delimiter is more than one character, or rows do not fit the header.
-        pa.ArrowException, OSError, UnicodeDecodeError: it cannot be read.
+        pa.ArrowException, OSError, EOFError, zlib.error, UnicodeDecodeError: it cannot be read.
     """
     if delimiter is not None and len(delimiter) != 1:
         raise RecordingError(f"--delimiter is {shown(delimiter)}; give one character, such as ;")
-    content = _as_utf8(path)
+    content = _unpacked(path)
     with path.open("rb") if content is None else io.BytesIO(content) as file:
         head = file.read(_HEAD)
         form = _form_of(path, head.decode("utf-8", errors="replace"), delimiter)
@@ -92,13 +93,15 @@ def read_text_table(path: Path, delimiter: str | None) -> TextTable:
     )
 
 
-def _as_utf8(path: Path) -> bytes | None:
-    """The text of a file in UTF-16, as a spreadsheet writes it, in UTF-8; None for other files."""
+def _unpacked(path: Path) -> bytes | None:
+    """The text in UTF-8 of a packed file or one in UTF-16, of a spreadsheet; None for others."""
     with path.open("rb") as file:
         start = file.read(4)
-    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return path.read_bytes().decode("utf-16").encode()
-    return None
+    packed = start.startswith(b"\x1f\x8b")
+    content = gzip.decompress(path.read_bytes()) if packed else None
+    if (content or start).startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return (content or path.read_bytes()).decode("utf-16").encode()
+    return content
 
 
 def _form_of(path: Path, head: str, delimiter: str | None) -> _Form:
