@@ -254,9 +254,25 @@ class Choice:
             unit = named(name)
             shown_as = unit.bare if unit.kind in ("rad", "m") else name
             given = self._contents.labels.get(name) or self._wanted.named.get(name, ())
+            given = given or self._sent_names(name)
             each = [shown_as] if one_number and not given else given
             labels += each if len(each) == width else [f"{name}[{n}]" for n in range(width)]
         return tuple(labels)
+
+    def _sent_names(self, name: str) -> list[str]:
+        """The name of a joint that `rostopic echo -p` writes beside its position, if it is one."""
+        beside = re.sub(r"^field\.position(?=\d+$)", "field.name", name)
+        words = (
+            words_in(self._columns[beside]) if beside in self._columns and beside != name else ()
+        )
+        if words is None or not len(words):
+            return []
+        if (words != words[0]).any():
+            raise RecordingError(
+                f"column {beside} of {self._source} names another joint in some rows; export the "
+                "bag again, or give the bag itself"
+            )
+        return [str(words[0])]
 
     def meeting(self, conditions: Sequence[str], num_rows: int) -> np.ndarray:
         """`(n,)` bool, the rows that meet all conditions."""

@@ -121,7 +121,7 @@ def _rows(
             q=joined.q,
             readings=joined.readings,
             time_s=joined.time_s,
-            time_names=[clock.name for clock in clocks.values()],
+            time_names=[clocks[name].name for name in (*q.names, *touch.names)],
             time_from=joined.time_from,
             notes=joined.notes,
         )

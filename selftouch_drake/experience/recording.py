@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.experience.choice import Wanted
+from selftouch_drake.experience.containers.contents import Contents
 from selftouch_drake.experience.containers.kinds import (
     BAG_KINDS,
     HINTS,
@@ -118,15 +119,16 @@ def _read(
         ]
         groups = belonging_together(paths, held, source)
         if groups is not None:
-            parts = [
-                recorded(
-                    side_by_side([paths[n] for n in group], [contents[n] for n in group], wanted),
-                    source,
-                    replace(wanted, q=None, sensation=None, time=None),
-                    number,
+            others = [path for path, one in zip(paths, held, strict=True) if not any(one.values())]
+            note = f"{len(others)} files hold neither joints nor skin: left out"
+            notes = (f"{note}, as {others[0].relative_to(source)}",) if others else ()
+            parts = []
+            for number, group in enumerate(groups):
+                joined = side_by_side(
+                    [paths[n] for n in group], [contents[n] for n in group], wanted
                 )
-                for number, group in enumerate(groups)
-            ]
+                parts.append(recorded(joined, source, _found_already(wanted, joined), number))
+            parts = [replace(part, notes=(*notes, *part.notes)) for part in parts]
             return [source] * len(parts), parts
     sources = [group[0] if len(group) == 1 else group[0].parent for group in files]
     parts = []
@@ -134,6 +136,17 @@ def _read(
         contents_of_file = read_columns(group, wanted.delimiter) if number else first
         parts.append(recorded(contents_of_file, path, wanted, number))
     return sources, parts
+
+
+def _found_already(wanted: Wanted, joined: Contents) -> Wanted:
+    """The same wishes, with the columns that each file was found to have."""
+    evident = joined.evident
+    return replace(
+        wanted,
+        q=None if wanted.q is None else ",".join(evident["--q"]),
+        sensation=None if wanted.sensation is None else ",".join(evident["--sensation"]),
+        time="none" if wanted.time == "none" else None,
+    )
 
 
 def _require_one_robot(files: Sequence[Path], parts: Sequence[Recording]) -> None:

@@ -78,7 +78,7 @@ def side_by_side(files: Sequence[Path], parts: Sequence[Contents], wanted: Wante
     origin = min(origin_s for _, origin_s in clocked)
     for path, part, (clock, origin_s) in zip(files, parts, clocked, strict=True):
         clock = replace(clock, time_s=clock.time_s + (origin_s - origin))
-        stem = path.parent.name if path.stem == "data" else path.stem
+        stem = path.stem
         called = {
             name: f"{stem}.{name}" if names.count(name) > 1 else name for name in part.by_name
         }

@@ -1,5 +1,6 @@
 """What an import found, in the lines that an engineer would check."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -10,6 +11,8 @@ from selftouch_drake.run.imported import Data
 
 # Readings at their greatest value in more than this share of the touches are cut off there.
 _SATURATED = 0.02
+# Names of coordinates, as of the pose of a hand.
+_PLACE = re.compile(r"(^|[_.\W])[xyz]$", re.IGNORECASE)
 # s in which joints cross their range at a plausible speed: at most and at least.
 _CROSSING_S = (0.05, 3600.0)
 # Share of the rows that touch, of a usual recording.
@@ -121,6 +124,9 @@ def _odd_joints(data: Data) -> Iterator[str]:
         yield (
             f"{listed(_named(names, turned))} begin again after a turn: plans do not cross the end"
         )
+    places = [name for name in names if _PLACE.search(name)]
+    if {name.lower()[-1] for name in places} == {*"xyz"}:
+        yield f"{listed(places)} are by their names places, not joints: choose the joints by --q"
     degrees = ~whole & (reach > 4 * np.pi) & (np.abs(q).max(axis=0) <= 400)
     if degrees.any():
         yield (

@@ -44,7 +44,8 @@ def read_yarp(path: Path) -> Contents:
             f"{path} has lines that are not the number of a packet, a time and numbers; export the "
             "port as csv"
         )
-    port = path.parent.name
+    # The dumper numbers the folders of a port that it writes again.
+    port = re.sub(r"_\d{5}$", "", path.parent.name)
     # Both stamps are of one instant; the first is the sender's.
     clock = Clock(name=port, time_s=numbers[:, 1], what=f"the stamps of {port}")
     option = "--sensation" if _TACTILE.search(port) else "--q"
