@@ -70,6 +70,8 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
     kind = column.type
     if not _is_list(kind):
         try:
+            if pa.types.is_null(kind):
+                return np.full(len(column), np.nan)
             if pa.types.is_string(kind):
                 return _of_arrow(_lists_in_text(column), what)
             return column.to_numpy(zero_copy_only=False)

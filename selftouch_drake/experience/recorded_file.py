@@ -1,7 +1,7 @@
 """One file of a recording: its columns are chosen, brought together, and put in order of time."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +55,7 @@ def recorded(contents: Contents, source: Path, wanted: Wanted, number: int) -> R
             "of each"
         )
     q, touch = map(choice.labelled, upright(q, touch))
-    rows = _rows(contents, choice, source, wanted, q, touch)
+    rows = _without_empty(_rows(contents, choice, source, wanted, q, touch), source, q, touch)
     num_rows = len(rows.q)
     configurations = rows.q
     chosen = choice.meeting(wanted.rows, num_rows)
@@ -146,6 +146,26 @@ def _rows(
         time_names=names,
         time_from=", ".join(filter(None, [f"column {names[0]}", times.note])),
     )
+
+
+def _without_empty(rows: _Rows, source: Path, q: Taken, touch: Taken) -> _Rows:
+    """Rows in which a receptor that holds no number at all is dead: 0 throughout.
+
+    Raises:
+        RecordingError: a joint holds no number.
+    """
+    empty = ~np.isfinite(rows.q).any(axis=0)
+    if empty.any() and not empty.all():
+        name = np.array(q.labels)[empty][0]
+        raise RecordingError(f"joint {name} of {source} holds no number; leave it out by --q")
+    empty = ~np.isfinite(rows.readings).any(axis=0)
+    if not empty.any() or empty.all():
+        return rows
+    readings = rows.readings.copy()
+    readings[:, empty] = 0
+    names = np.array(touch.labels)[empty].tolist()
+    note = f"{len(names)} receptors ({', '.join(names[:3])}) hold no number, and count as dead"
+    return replace(rows, readings=readings, notes=(*rows.notes, note))
 
 
 def _streams(taken: Taken, clocks: Mapping[str, Clock]) -> list[Stream]:

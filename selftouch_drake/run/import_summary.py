@@ -5,12 +5,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from selftouch_drake.agent.readings.silence import silence
 from selftouch_drake.experience.recorded import Recording
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.imported import Data
 
 # Readings at their greatest value in more than this share of the touches are cut off there.
 _SATURATED = 0.02
+# A joint that was measured takes more positions.
+_FEW_POSITIONS = 8
 # Names of coordinates, as of the pose of a hand.
 _PLACE = re.compile(r"(^|[_.\W])[xyz]$", re.IGNORECASE)
 # s in which joints cross their range at a plausible speed: at most and at least.
@@ -102,9 +105,33 @@ def _ranges(recording: Recording) -> str:
 
 def _odd(data: Data) -> Iterator[str]:
     """What looks odd, and what can be done."""
+    for what, names in (("joints", data.recording.joints), ("receptors", data.recording.receptors)):
+        yield from _missing_numbers(what, names, data.recording.unused)
     yield from _odd_joints(data)
     yield from _odd_times(data)
     yield from _odd_readings(data)
+
+
+def _missing_numbers(what: str, names: Sequence[str], unused: Sequence[str]) -> Iterator[str]:
+    """Whether columns that are numbered leave some out that the file does not have."""
+    split = [re.fullmatch(r"(.*?)(\d+)", name) for name in names]
+    numbered = [one for one in split if one is not None]
+    beginnings = {one[1] for one in numbered}
+    if len(numbered) < max(len(names), 2) or len(beginnings) > 1:
+        return
+    (beginning,) = beginnings
+    numbers = sorted(int(one[2]) for one in numbered)
+    there = {*numbers} | {
+        int(name.removeprefix(beginning))
+        for name in unused
+        if re.fullmatch(re.escape(beginning) + r"\d+", name)
+    }
+    missing = sorted({*range(min(1, numbers[0]), numbers[-1])} - there - {0})
+    if missing:
+        yield (
+            f"{what} are numbered up to {numbers[-1]}, and {listed(list(map(str, missing)))} "
+            "of these numbers are missing: is the file whole?"
+        )
 
 
 def _odd_joints(data: Data) -> Iterator[str]:
@@ -123,6 +150,13 @@ def _odd_joints(data: Data) -> Iterator[str]:
     if turned.any() and not any("within one turn" in note for note in recording.notes):
         yield (
             f"{listed(_named(names, turned))} begin again after a turn: plans do not cross the end"
+        )
+    rounded = np.array([len(np.unique(one[:: len(one) // 1000 + 1])) for one in q.T])
+    few = (reach > 0) & (rounded <= _FEW_POSITIONS)
+    if few.any():
+        yield (
+            f"{listed(_named(names, few))} in {rounded[few].max()} positions alone: were decimals "
+            "cut off?"
         )
     places = [name for name in names if _PLACE.search(name)]
     if {name.lower()[-1] for name in places} == {*"xyz"}:
@@ -183,6 +217,13 @@ def _odd_readings(data: Data) -> Iterator[str]:
     if restless.any():
         yield (
             f"{listed(_named(recording.receptors, restless))} pressed ten times as often as others"
+        )
+    off = silence(felt.sensation)
+    if off is not None:
+        when = "last" if off.at_end else "first"
+        yield (
+            f"{listed(_named(recording.receptors, off.receptors))} feel nothing in the {when} "
+            f"{100 * off.share:.0f} % of the touches: were they off, or left alone?"
         )
     num_all = int((np.count_nonzero(felt.sensation, axis=1) >= 0.9 * readings.shape[1]).sum())
     if num_all > 0.5 * len(felt.rows) and readings.shape[1] >= 8:

@@ -285,9 +285,9 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
     (tmp_path / "d.parquet").write_bytes(b"PAR1 and no more")
     with pytest.raises(RecordingError, match=r"d\.parquet is damaged"):
         read_recording(tmp_path / "d.parquet")
-    (tmp_path / "notes.txt").write_text("q")
-    with pytest.raises(RecordingError, match=r"notes\.txt is not a parquet, .* file; rename it"):
-        read_recording(tmp_path / "notes.txt")
+    (tmp_path / "notes.md").write_text("q")
+    with pytest.raises(RecordingError, match=r"notes\.md is not a csv, .* file; convert it"):
+        read_recording(tmp_path / "notes.md")
     table = {"q": pa.array([[1.0], [1.0, 2.0]]), "touch": pa.array([[1], [1]])}
     pq.write_table(pa.table(table), tmp_path / "e.parquet")
     with pytest.raises(RecordingError, match="has arrays of length 1, but another length"):

@@ -109,17 +109,21 @@ def _form_of(path: Path, head: str, delimiter: str | None) -> _Form:
     lines = head.splitlines(keepends=True)
     first = 0
     while first < len(lines) and (
-        not lines[first].strip() or lines[first].lstrip("\ufeff \t").startswith(_COMMENTS)
+        _is_blank(lines[first]) or lines[first].lstrip("\ufeff \t").startswith(_COMMENTS)
     ):
         first += 1
+    above = _lines_above(lines[first:])
+    first += above
     if first == len(lines):
         raise RecordingError(f"{path} has no rows; record some, or leave it out")
-    comments = [line.lstrip("\ufeff \t#%") for line in lines[:first] if line.strip()]
-    following = [line for line in lines[first + 1 : first + 20] if line.strip()]
+    comments = [line.lstrip("\ufeff \t#%") for line in lines[:first] if not _is_blank(line)]
+    following = [line for line in lines[first + 1 : first + 20] if not _is_blank(line)]
     top = lines[first].lstrip("\ufeff")
     delimiter = delimiter or _delimiter(top, following)
     cells = _cells(top, delimiter)
     notes: tuple[str, ...] = ()
+    if above:
+        notes = (f"{path.name} has {above} lines above its header: left out",)
     if _are_names(cells):
         names, rows_from = cells, first + 1
         below = _cells(following[0], delimiter) if following else []
@@ -137,11 +141,33 @@ def _form_of(path: Path, head: str, delimiter: str | None) -> _Form:
             names, rows_from, following = cells, first + 1, following[1:]
         if not any(names):
             names = [f"column_{number}" for number in range(len(cells))]
-            notes = (f"{path.name} has no header: its columns are called column_0, column_1, ...",)
+            note = f"{path.name} has no header: its columns are called column_0, column_1, ..."
+            notes = (*notes, note)
     width = len(_cells(following[0], delimiter)) if following else len(names)
     names = [*names, *[""] * (width - len(names))]
     start = len("".join(lines[:rows_from]).encode())
     return _Form(delimiter=delimiter, names=tuple(names), start=start, notes=notes)
+
+
+def _is_blank(line: str) -> bool:
+    """Whether a line is empty, or has empty cells alone, as a spreadsheet writes it."""
+    return not line.strip("\ufeff\r\n" + _DELIMITERS)
+
+
+def _lines_above(lines: Sequence[str]) -> int:
+    """How many lines without a sign of comment stand above the header, such as `Robot: iCub`.
+
+    They have less than half as many cells as the rows further down, and no rows among them.
+    """
+    sample = [(number, line) for number, line in enumerate(lines[:60]) if not _is_blank(line)]
+    if len(sample) < 4:
+        return 0
+    delimiter = _delimiter(sample[-2][1], [sample[-3][1]])
+    counts = [sum(map(bool, _cells(line, delimiter))) for _, line in sample]
+    usual = counts[-2]
+    if usual < 4 or 2 * counts[0] >= usual:
+        return 0
+    return next(number for (number, _), n in zip(sample, counts, strict=True) if 2 * n >= usual)
 
 
 def _delimiter(top: str, following: Sequence[str]) -> str:
