@@ -98,6 +98,9 @@ class Choice:
             self._require_positions(asked, names)
         parts = [self.numbers(name) for name in names]
         for name, part in zip(names, parts, strict=True):
+            if not part.size:
+                raise RecordingError(f"column {name} of {self._source} is empty; record some rows")
+        for name, part in zip(names, parts, strict=True):
             if len(part) != len(parts[0]) and name not in self._contents.clocks:
                 raise RecordingError(
                     f"column {name} of {self._source} has {len(part)} rows, but {names[0]} has "

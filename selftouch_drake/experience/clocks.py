@@ -20,7 +20,11 @@ _OF_SKIN = re.compile(r"(^|_)(touch|tactile|skin|taxels?|pressure|sensors?|readi
 
 
 def times_of(
-    contents: Contents, source: str, asked: str | None, unit: str | None
+    contents: Contents,
+    source: str,
+    asked: str | None,
+    unit: str | None,
+    joints: np.ndarray | None = None,
 ) -> tuple[list[str], Times | None]:
     """The columns of times of a table, and the times, if there are any.
 
@@ -29,6 +33,7 @@ def times_of(
         source: the file, as errors call it.
         asked: the column that the user names, which must exist; None for one with a usual name.
         unit: as of `read_recording`.
+        joints: `(n, J)` motor configurations of the same rows, if there are any.
 
     Raises:
         RecordingError: these are no times, or their unit cannot be known.
@@ -55,7 +60,9 @@ def times_of(
             stamps = joined_counts(*both)
             what = f"columns {name} and {sibling} of {source}"
             return [name, sibling], in_seconds(stamps, name, what, "ns")
-    return names, in_seconds(columns[name], name, what, unit)
+    if joints is not None and _length(columns[name]) != len(joints):
+        joints = None
+    return names, in_seconds(columns[name], name, what, unit, joints)
 
 
 def own_clocks(

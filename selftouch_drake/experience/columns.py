@@ -9,6 +9,7 @@ from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.store import one_chunk
 
 # What stands around and between the numbers of a list that is written as text.
+_WRAPPED = r"^\s*(np\.)?(array|tensor)\(|,\s*(dtype|device)=.*$"
 _AROUND, _BETWEEN = " \t\r\n[](){},;", r"[\s,;]+"
 # A column with so many different words or whole numbers may say what touched.
 _FEW_VALUES = range(2, 21)
@@ -41,7 +42,7 @@ def words_in(column: Column, *, few: bool = False) -> np.ndarray | None:
     """
     if isinstance(column, pa.ChunkedArray):
         kind = column.type
-        if pa.types.is_string(kind) or pa.types.is_dictionary(kind):
+        if _is_text(kind) or pa.types.is_dictionary(kind):
             column = column.cast(pa.string()).fill_null("")
         elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             return None
@@ -72,10 +73,16 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
         try:
             if pa.types.is_null(kind):
                 return np.full(len(column), np.nan)
-            if pa.types.is_string(kind):
+            if pa.types.is_decimal(kind):
+                column = column.cast(pa.float64())
+            if _is_text(kind):
                 return _of_arrow(_lists_in_text(column), what)
             return column.to_numpy(zero_copy_only=False)
         except pa.ArrowException:
+            if _is_text(kind) and pa.compute.any(pa.compute.match_substring(column, "...")).as_py():
+                raise RecordingError(
+                    f"{what} has arrays that were printed with ... in them; write all numbers"
+                ) from None
             raise RecordingError(f"{what} holds {kind}; name a column that holds numbers") from None
     there = np.asarray(column.is_valid())
     lengths = np.asarray(pa.compute.list_value_length(column.filter(pa.array(there))))
@@ -95,6 +102,10 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
     return found
 
 
+def _is_text(kind: pa.DataType) -> bool:
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
+
+
 def _is_list(kind: pa.DataType) -> bool:
     return (
         pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
@@ -102,7 +113,8 @@ def _is_list(kind: pa.DataType) -> bool:
 
 
 def _lists_in_text(column: pa.Array) -> pa.Array:
-    """Cells such as `[0.1, 0.2]` or `0.1 0.2` as lists of numbers."""
+    """Cells such as `[0.1, 0.2]`, `0.1 0.2` or `array([0.1, 0.2])` as lists of numbers."""
+    column = pa.compute.replace_substring_regex(column, _WRAPPED, "")
     cells = pa.compute.utf8_trim(column, _AROUND)
     cells = pa.compute.if_else(pa.compute.equal(cells, ""), None, cells)
     return pa.compute.split_pattern_regex(cells, _BETWEEN).cast(pa.list_(pa.float64()))

@@ -18,6 +18,8 @@ _FAR = 10.0
 _NEAR = 1.5
 # s: clocks of two senders that differ by more cannot be used together.
 _SAME_CLOCK_S = 0.05
+# s: what comes later by so much, and is older, was not overtaken: the clock was set back.
+_OVERTAKEN_S = 1.0
 # Steps of this share of a joint's range, and so rare, are the end of a turn.
 _JUMP, _RARE = 0.5, 0.05
 
@@ -68,6 +70,11 @@ def together(joints: Sequence[Stream], skin: Sequence[Stream], source: str) -> T
     order = order[np.isfinite(at[order])]
     at = at[order]
     for stream, time_s in zip(streams, times, strict=True):
+        if _goes_back(time_s):
+            raise RecordingError(
+                f"{source} has times of {stream.clock.name} that begin again; write each piece to "
+                "files of its own"
+            )
         there = time_s[np.isfinite(time_s)]
         if not len(at) or not len(there) or there.max() <= at[0] or there.min() >= at[-1]:
             raise RecordingError(
@@ -106,6 +113,12 @@ def _on_one_clock(clocks: Sequence[Clock]) -> tuple[list[np.ndarray], str, list[
             for clock, stamp in zip(clocks, stamps, strict=True)
         ]
         apart = max(behind) - min(behind)
+        back = [
+            clock.name for clock, stamp in zip(clocks, stamps, strict=True) if _goes_back(stamp)
+        ]
+        if back:
+            note = f"stamps of {back[0]} begin again: the times of arrival are used"
+            return [clock.time_s for clock in clocks], "the times of arrival", [note]
         if apart <= _SAME_CLOCK_S:
             return stamps, "the stamps of the messages", []
         note = f"stamps of the topics are {apart:.3g} s apart: the times of arrival are used"
@@ -116,6 +129,12 @@ def _on_one_clock(clocks: Sequence[Clock]) -> tuple[list[np.ndarray], str, list[
         return [clock.time_s for clock in clocks], "the times of arrival", [note]
     whose = " and ".join(dict.fromkeys(clock.what for clock in clocks))
     return [clock.time_s for clock in clocks], whose, []
+
+
+def _goes_back(time_s: np.ndarray) -> bool:
+    """Whether a clock was set back, by more than messages overtake each other."""
+    there = time_s[np.isfinite(time_s)]
+    return bool((np.diff(there) < -_OVERTAKEN_S).any())
 
 
 def interpolated(values: np.ndarray, time_s: np.ndarray, at: np.ndarray) -> np.ndarray:

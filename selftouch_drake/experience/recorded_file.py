@@ -135,7 +135,7 @@ def _rows(
         time_s = clock.time_s if clock.stamp_s is None else clock.stamp_s
         what = clock.what if clock.stamp_s is None else "the stamps of the messages"
         return _Rows(q=configurations, readings=readings, time_s=time_s, time_from=what)
-    names, times = times_of(contents, str(source), asked, wanted.time_unit)
+    names, times = times_of(contents, str(source), asked, wanted.time_unit, configurations)
     if times is None:
         return _Rows(q=configurations, readings=readings, time_s=None)
     _require_length(source, "time", times.time_s, num_rows)

@@ -3,7 +3,6 @@
 Other people's clocks count in s, ms, us or ns, from zero or from 1970, or write dates.
 """
 
-import re
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,8 +12,10 @@ import pyarrow.compute as pc
 
 from selftouch_drake.experience.columns import numbers_in
 from selftouch_drake.experience.containers.contents import Column
+from selftouch_drake.experience.dates import counted, written_dates
 from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.store import one_chunk
+from selftouch_drake.experience.time_units import calendar_of, unit_by_speeds
 from selftouch_drake.experience.units import named
 
 #: Seconds in each unit that `--time-unit` takes.
@@ -64,11 +65,25 @@ class InOrder:
     num_moved: int
 
 
-def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
+def in_seconds(
+    column: Column,
+    name: str,
+    what: str,
+    unit: str | None,
+    joints: np.ndarray | None = None,
+) -> Times:
     """A column of times in seconds; errors call it `what`.
 
-    The unit is `s`, `ms`, `us` or `ns`; by default that in the name or, since 1970, that of which
-    there are as many. Dates and times since 1970 are counted from the first row.
+    Args:
+        column: numbers or dates.
+        name: of the column, which may state a unit.
+        what: how errors call it.
+        unit: `s`, `ms`, `us` or `ns`; by default that in the name or, since 1970, that of which
+            there are as many, or the only one in which joints move neither too fast nor too slowly.
+        joints: `(n, J)` motor configurations of the same rows, if there are any.
+
+    Returns:
+        Dates and times since some year are counted from the first row.
 
     Raises:
         RecordingError: these are no times, or their unit cannot be known.
@@ -97,6 +112,9 @@ def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
     if unit is None:
         unit = since_1970 or (stated.unit if stated.kind == "s" else None)
     factor = SECONDS_IN.get(unit or "s", stated.factor)
+    if unit is None and (calendar := calendar_of(there)):
+        seconds = (counts - there[0]).astype(float) * calendar.unit_s
+        return Times(time_s=seconds, note=calendar.note, origin_s=float(there[0]) * calendar.unit_s)
     if since_1970:
         first = there[0]
         wide = counts.astype(float) if counts.dtype.kind == "f" else counts.astype(np.int64)
@@ -105,6 +123,17 @@ def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
     seconds = counts.astype(float) * factor
     step = _median_step(seconds[np.isfinite(seconds)])
     if unit is None and step > _LONGEST_STEP_S:
+        found = (
+            None if joints is None else unit_by_speeds(seconds, joints, tuple(SECONDS_IN.items()))
+        )
+        if found is not None:
+            note = f"taken for {found}, in which alone the joints move as joints do"
+            return Times(time_s=seconds * SECONDS_IN[found], note=note)
+        if counts.dtype == np.float32 and np.mean(np.diff(there) == 0) > 0.5:
+            raise RecordingError(
+                f"{what} has times that are rounded to {step:g}, as 32 bits are too few: write 64, "
+                "or give --time none"
+            )
         raise RecordingError(
             f"{what} has steps of {step:g}, in an unknown unit: give --time-unit s, ms, us or ns, "
             "or --time none"
@@ -183,44 +212,21 @@ def _dates(column: Column) -> tuple[np.ndarray, int] | None:
     """
     if isinstance(column, np.ndarray):
         if column.dtype.kind == "U":
-            return _written_dates(column.ravel())
+            return written_dates(column.ravel())
         if column.dtype.kind not in "Mm":
             return None
         unit = "datetime64[ns]" if column.dtype.kind == "M" else "timedelta64[ns]"
-        return _counted(column.ravel().astype(unit))
+        return counted(column.ravel().astype(unit))
     kind = column.type
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
-        return _written_dates(np.array(column.fill_null("").to_pylist(), dtype=str))
+        return written_dates(np.array(column.fill_null("").to_pylist(), dtype=str))
     if pa.types.is_time(kind):
         wide = one_chunk(column).cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
-        return _counted(wide.to_numpy(zero_copy_only=False))
+        return counted(wide.to_numpy(zero_copy_only=False))
     if pa.types.is_timestamp(kind):
         column = pc.cast(column, pa.timestamp("ns", kind.tz))
     elif pa.types.is_duration(kind):
         column = pc.cast(column, pa.duration("ns"))
     else:
         return None
-    return _counted(one_chunk(column).to_numpy(zero_copy_only=False))
-
-
-def _counted(dates: np.ndarray) -> tuple[np.ndarray, int]:
-    """`(n,)` ns from the first date that is there, as floats, NaN if missing; and that date."""
-    there = ~np.isnat(dates)
-    counts = np.full(len(dates), np.nan)
-    if not there.any():
-        return counts, 0
-    first = dates[there][0]
-    counts[there] = (dates[there] - first).astype(np.int64)
-    return counts, int(first.astype(np.int64))
-
-
-def _written_dates(words: np.ndarray) -> tuple[np.ndarray, int] | None:
-    """As of `_dates`, of dates or times of a day as text; None if they are none."""
-    texts = [re.sub(r"(Z|[+-]\d{2}:?\d{2}| UTC)$", "", word.strip()) for word in words.tolist()]
-    texts = [text.replace(",", ".").replace("/", "-") for text in texts]
-    if any(re.match(r"\d{1,2}:\d{2}", text) for text in texts):
-        texts = [f"1970-01-01T{text}" if text else "" for text in texts]
-    try:
-        return _counted(np.array([text or "NaT" for text in texts], dtype="datetime64[ns]"))
-    except ValueError:
-        return None
+    return counted(one_chunk(column).to_numpy(zero_copy_only=False))

@@ -27,6 +27,7 @@ SENSATION_NAMES = (
     *("sensation", "observation.touch", "observation.tactile", "observation.skin"),
     *("touch", "tactile", "taxels", "skin", "readings"),
     *("taxel_#", "sensation_#", "touch_#", "tactile_#", "taxel#", "taxels_#", "skin_#"),
+    *("*_taxel_#", "taxel_#_#"),
     *("observation.tactile.*", "observation.touch.*", "observation.skin.*"),
     *("tactile.data.#", "skin.data.#", "touch.data.#", "field.data#"),
 )

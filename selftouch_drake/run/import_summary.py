@@ -5,19 +5,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from selftouch_drake.agent.readings.faults import turned_steps
 from selftouch_drake.agent.readings.silence import silence
 from selftouch_drake.experience.recorded import Recording
+from selftouch_drake.experience.time_units import CROSSING_S
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.imported import Data
 
 # Readings at their greatest value in more than this share of the touches are cut off there.
 _SATURATED = 0.02
+# Steps so many times as far as the usual ones are sudden.
+_SUDDEN = 3.0
+# Rows that repeat the one before in every number: so many in a row, or this share of all.
+_REPEATED, _REPEATED_SHARE = 50, 0.05
 # A joint that was measured takes more positions.
 _FEW_POSITIONS = 8
 # Names of coordinates, as of the pose of a hand.
 _PLACE = re.compile(r"(^|[_.\W])[xyz]$", re.IGNORECASE)
-# s in which joints cross their range at a plausible speed: at most and at least.
-_CROSSING_S = (0.05, 3600.0)
 # Share of the rows that touch, of a usual recording.
 _TOUCHING = (0.002, 0.7)
 
@@ -158,6 +162,13 @@ def _odd_joints(data: Data) -> Iterator[str]:
             f"{listed(_named(names, few))} in {rounded[few].max()} positions alone: were decimals "
             "cut off?"
         )
+    for joint, name in enumerate(names):
+        found = _sudden(recording, joint)
+        if found is not None:
+            yield (
+                f"joint {name} is moved by {found[1]:.3g} from one row to the next, in row "
+                f"{found[0]:,}: was its zero set anew, or a part of the recording lost?"
+            )
     places = [name for name in names if _PLACE.search(name)]
     if {name.lower()[-1] for name in places} == {*"xyz"}:
         yield f"{listed(places)} are by their names places, not joints: choose the joints by --q"
@@ -178,6 +189,23 @@ def _odd_joints(data: Data) -> Iterator[str]:
         )
 
 
+def _sudden(recording: Recording, joint: int) -> tuple[int, float] | None:
+    """The row of the file in which a joint moves far beyond its usual steps, and how far; if any.
+
+    What jumps often does so by its nature.
+    """
+    turn = np.zeros(1) if recording.turn is None else recording.turn[[joint]]
+    column = recording.q[:, [joint]].astype(float)
+    steps = np.where(recording.follows, turned_steps(column, turn)[:, 0], 0.0)
+    if len(steps) < 200:
+        return None
+    usual, reach = np.quantile(steps, 0.999 if len(steps) > 5000 else 0.99), np.ptp(column)
+    far = np.flatnonzero((steps > _SUDDEN * usual) & (steps > 0.05 * reach))
+    if usual == 0 or not 0 < len(far) <= 3:
+        return None
+    return int(recording.row[far[0] + 1]), float(steps[far[0]])
+
+
 def _odd_times(data: Data) -> Iterator[str]:
     recording = data.recording
     if recording.time_s is None:
@@ -193,7 +221,7 @@ def _odd_times(data: Data) -> Iterator[str]:
     if not (fast > 0).any():
         return
     crossing = np.median(reach[reach > 0][fast > 0] / fast[fast > 0])
-    least, most = _CROSSING_S
+    least, most = CROSSING_S
     if not least <= crossing <= most:
         yield (
             f"at their fastest, joints cross their range in {crossing:.3g} s: if the time is in "
@@ -217,6 +245,15 @@ def _odd_readings(data: Data) -> Iterator[str]:
     if restless.any():
         yield (
             f"{listed(_named(recording.receptors, restless))} pressed ten times as often as others"
+        )
+    same = (np.diff(readings, axis=0) == 0).all(axis=1) & (np.diff(recording.q, axis=0) == 0).all(
+        axis=1
+    )
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]]))) - 1
+    if same.mean() > _REPEATED_SHARE or runs.max(initial=0) >= _REPEATED:
+        yield (
+            f"{same.sum():,} rows repeat the row before in every number, up to {runs.max():,} one "
+            "after another: is the file filled up, or did the robot stand?"
         )
     off = silence(felt.sensation)
     if off is not None:

@@ -278,20 +278,26 @@ def test_stamps_in_two_columns_are_one_time(good, tmp_path):
 
 
 def test_a_time_in_an_unknown_unit_is_refused(good, tmp_path):
-    path = as_text(good.table(time=1000 * good.time_s), tmp_path / "a.csv")
+    path = as_text(good.table(time=good.time_s / 0.02), tmp_path / "a.csv")
     found = selftouch("import", path, "--out", tmp_path / "run")
     assert found.status == 2
     assert "column time of" in found.stderr
-    assert "has steps of 20, in an unknown unit: give --time-unit s, ms, us or ns" in found.stderr
-    require_same(good, path, time_unit="ms")
-    # 1 kHz, and a computer that was started half an hour ago.
-    for column in (np.arange(NUM_ROWS), (1e6 * (good.time_s + 1800)).astype(int)):
-        as_text(good.table(stamp=column), path)
-        with pytest.raises(RecordingError, match="in an unknown unit: give --time-unit"):
-            read_data(path)
-    require_same(good, path, time_unit="us")
-    as_text(good.table(time=1000 * good.time_s), path)
+    # 1 Hz, or 1 kHz.
+    assert "has steps of 1, in an unknown unit: give --time-unit s, ms, us or ns" in found.stderr
     assert read_data(path, time="none").recording.time_s is None
+    # Postures that were recorded one by one, and not from row to row.
+    order = np.random.default_rng(0).permutation(NUM_ROWS)
+    path = as_text(good.table(q=good.q[order], time=20 * np.arange(NUM_ROWS)), tmp_path / "a.csv")
+    with pytest.raises(RecordingError, match="in an unknown unit: give --time-unit"):
+        read_data(path)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_unit_is_known_where_joints_move_as_joints_do_in_one_alone(unit, factor, good, tmp_path):
+    counts = (factor * (good.time_s + 1800)).round().astype(np.int64)
+    path = as_text(good.table(stamp=counts), tmp_path / "a.csv")
+    assert f"stamp, taken for {unit}, in which alone" in said(require_same(good, path))
+    require_same(good, path, time_unit=unit)
 
 
 def test_a_time_that_is_none_is_refused_or_left_out(good, tmp_path):

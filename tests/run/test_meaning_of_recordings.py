@@ -287,7 +287,21 @@ def the_same_rows_twice(rng, good):
 
 
 def a_unit_that_nobody_states(rng, good):
-    return good.table(time=1e3 * good.time_s), "in an unknown unit: give --time-unit"
+    return good.table(
+        time=np.arange(NUM_ROWS) + rng.integers(0, 99)
+    ), "in an unknown unit: give --time-unit"
+
+
+def a_zero_that_is_set_anew(rng, good):
+    q, joint = good.q.copy(), int(rng.integers(0, 3))
+    q[int(rng.integers(100, 700)) :, joint] += 1.0
+    return good.table(q=q), f"joint q_{joint} is moved by .* was its zero set anew"
+
+
+def rows_that_fill_up_the_file(rng, good):
+    rows = np.minimum(np.arange(NUM_ROWS + 100), NUM_ROWS - 1)
+    arrays = {"q": good.q[rows], "touch": good.force[rows]}
+    return arrays, "100 rows repeat the row before in every number"
 
 
 def a_time_that_is_a_thousand_times_too_fast(rng, good):
@@ -425,6 +439,7 @@ HARMS = (
         another_skin,
     ),
     *(a_second_file_without_a_header, the_same_rows_twice, a_unit_that_nobody_states),
+    *(a_zero_that_is_set_anew, rows_that_fill_up_the_file),
     *(a_time_that_is_a_thousand_times_too_fast, a_clock_that_begins_again, a_gap),
     *(a_clock_that_changes_its_unit, no_order_and_no_time, degrees_that_nobody_states),
     *(one_joint_in_degrees, joints_without_decimals, a_joint_twice, a_joint_that_stands_still),

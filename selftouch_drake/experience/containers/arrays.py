@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from selftouch_drake.experience.containers.contents import Column, Contents, damaged
+from selftouch_drake.experience.containers.contents import EPISODE, Column, Contents, damaged
+from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.files import load_arrays
 
 # The first bytes of MATLAB's files from version 7.3 on, which are HDF5.
@@ -17,9 +18,15 @@ def read_archive(path: Path) -> Contents:
     """The arrays of an `.npz` archive.
 
     Raises:
+        RecordingError: it holds objects.
         ValueError: it is damaged.
     """
-    return Contents(by_name=load_arrays(path))
+    try:
+        return Contents(by_name=load_arrays(path))
+    except ValueError as error:
+        if "allow_pickle" in str(error):
+            raise damaged(path, error) from None
+        raise
 
 
 def read_single_arrays(files: Sequence[Path]) -> Contents:
@@ -65,7 +72,38 @@ def read_matlab(path: Path) -> Contents:
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     while len(content) == 1 and isinstance(inner := next(iter(content.values())), Mapping):
         content = dict(inner)
+    if len(content) == 1 and (episodes := _structs(next(iter(content.values())))):
+        return Contents(by_name=_one_after_another(path, [_flat(one) for one in episodes]))
     return Contents(by_name=_flat(content))
+
+
+def _structs(value: Any) -> list[Mapping[str, Any]]:
+    """The structs in an array of structs or in a cell array of them; none if it is another."""
+    several = list(np.ravel(value)) if isinstance(value, np.ndarray | list) else []
+    return several if all(isinstance(one, Mapping) for one in several) else []
+
+
+def _one_after_another(path: Path, episodes: Sequence[Mapping[str, Column]]) -> dict[str, Column]:
+    """The rows of several episodes, with the number of the episode of each row.
+
+    Raises:
+        RecordingError: they do not hold the same arrays, with as many rows each.
+    """
+    first = episodes[0]
+    lengths = [
+        max((len(array) for array in one.values() if np.ndim(array)), default=0) for one in episodes
+    ]
+    try:
+        found = {name: np.concatenate([one[name] for one in episodes]) for name in first}
+    except (KeyError, ValueError):
+        found = {}
+    if not found or any(len(array) != sum(lengths) for array in found.values()):
+        raise RecordingError(
+            f"{path} has episodes whose arrays differ in names or rows; save them with one row for "
+            "each instant"
+        )
+    found[EPISODE] = np.repeat(np.arange(len(episodes)), lengths)
+    return found
 
 
 def _flat(content: Mapping[str, Any], under: str = "") -> dict[str, Column]:

@@ -12,6 +12,8 @@ from selftouch_drake.experience.recording_error import RecordingError
 
 #: A column of a table, or an array of an archive.
 Column: TypeAlias = pa.ChunkedArray | np.ndarray
+#: The column that says which episode a row is of.
+EPISODE = "episode_index"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,5 +60,7 @@ class Contents:
 
 def damaged(path: Path, error: Exception) -> RecordingError:
     """The error that says why a file cannot be read."""
+    if "allow_pickle" in str(error):
+        return RecordingError(f"{path} holds objects of Python; save arrays of numbers")
     reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
     return RecordingError(f"{path} is damaged ({reason}); write it again")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from selftouch_drake.experience.containers.contents import Column, Contents, damaged
+from selftouch_drake.experience.containers.contents import EPISODE, Column, Contents, damaged
 from selftouch_drake.experience.recording_error import RecordingError
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ _PICTURE = 20_000
 _EPISODE = re.compile(r"(demo|episode|ep|traj|trajectory|trial|rollout|run|walk|take|session)_?\d+")
 # Attributes that name the numbers in a row of a data set.
 _LABELS = ("names", "joint_names", "labels", "columns", "column_names", "receptor_names")
-#: The column that says which episode a row is of.
-EPISODE = "episode_index"
 
 
 def read_hdf5(path: Path, *, matlab: bool = False) -> Contents:

@@ -12,6 +12,9 @@ from selftouch_drake.experience.containers.contents import Column, Contents, dam
 from selftouch_drake.experience.containers.text import read_text_table
 from selftouch_drake.experience.store import UNREADABLE
 
+# How pandas calls an index that has no name.
+_INDEX = "__index_level_0__"
+
 
 def read_text(path: Path, delimiter: str | None) -> Contents:
     """A table that is written as text.
@@ -47,7 +50,12 @@ def read_arrow(path: Path) -> Contents:
             table = _feather_or_stream(path)
     except UNREADABLE as error:
         raise damaged(path, error) from None
-    by_name, clashing = columns_by_name(table.column_names, table.columns)
+    names = table.column_names
+    if _INDEX in names and "time" not in names:
+        kind = table.schema.field(_INDEX).type
+        is_time = pa.types.is_timestamp(kind) or pa.types.is_duration(kind)
+        names = ["time" if name == _INDEX and is_time else name for name in names]
+    by_name, clashing = columns_by_name(names, table.columns)
     return Contents(by_name=by_name, clashing=clashing, skipped=tuple(skipped))
 
 

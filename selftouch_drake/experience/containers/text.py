@@ -28,6 +28,8 @@ _DELIMITERS = "\t;|, "
 _HEAD = 262_144
 _COMMENTS = ("#", "%")
 _NUMBER = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
+# With points for decimals, commas may stand between thousands.
+_THOUSANDS = r"\s*[-+]?\d{1,3}(,\d{3})+(\.\d*)?\s*"
 _DECIMAL_COMMA = r"\s*[-+]?\d+(,\d+)?([eE][-+]?\d+)?\s*"
 # A decimal point, in a number or a list of numbers; dates have others.
 _POINT = r"(^|[\s\[(,;])[-+]?\d+\.\d"
@@ -88,8 +90,12 @@ def read_text_table(path: Path, delimiter: str | None) -> TextTable:
             source = io.BytesIO(b"\n".join(b" ".join(line.split()) for line in file))
         table, num_broken = _rows(path, source, form, quotes=b'"' in head)
     columns, notes = _mended(table)
+    names = list(form.names)
+    if not names[0] and "time" not in names and pa.types.is_timestamp(columns[0].type):
+        # pandas writes an index of dates without a name.
+        names[0] = "time"
     return TextTable(
-        names=form.names, columns=tuple(columns), num_broken=num_broken, notes=form.notes + notes
+        names=tuple(names), columns=tuple(columns), num_broken=num_broken, notes=form.notes + notes
     )
 
 
@@ -99,6 +105,10 @@ def _unpacked(path: Path) -> bytes | None:
         start = file.read(4)
     packed = start.startswith(b"\x1f\x8b")
     content = gzip.decompress(path.read_bytes()) if packed else None
+    if start.startswith(b"sep=") or "\N{MINUS SIGN}".encode() in path.read_bytes()[:_HEAD]:
+        # What a spreadsheet and a typesetter add.
+        content = path.read_bytes().replace("\N{MINUS SIGN}".encode(), b"-")
+        return re.sub(rb"^sep=.[\r\n]+", b"", content)
     if (content or start).startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return (content or path.read_bytes()).decode("utf-16").encode()
     return content
@@ -160,7 +170,8 @@ def _lines_above(lines: Sequence[str]) -> int:
     They have less than half as many cells as the rows further down, and no rows among them.
     """
     sample = [(number, line) for number, line in enumerate(lines[:60]) if not _is_blank(line)]
-    if len(sample) < 4:
+    # Lines with one quotation mark are parts of a cell.
+    if len(sample) < 4 or any(line.count('"') % 2 for _, line in sample):
         return 0
     delimiter = _delimiter(sample[-2][1], [sample[-3][1]])
     counts = [sum(map(bool, _cells(line, delimiter))) for _, line in sample]
@@ -274,7 +285,8 @@ def _mended(table: pa.Table) -> tuple[list[pa.ChunkedArray], tuple[str, ...]]:
             if found.null_count > column.null_count:
                 notes.append("words among numbers count as missing")
             if pc.any(pc.match_substring(column, ",")).as_py():
-                notes.append("numbers have a decimal comma")
+                how = "commas between thousands" if points else "a decimal comma"
+                notes.append(f"numbers have {how}")
     return columns, tuple(dict.fromkeys(notes))
 
 
@@ -282,10 +294,11 @@ def _as_numbers(column: pa.ChunkedArray, *, commas: bool) -> pa.ChunkedArray:
     """Text as numbers, if nearly all cells are numbers; else the column as it is."""
     if not pa.types.is_string(column.type):
         return column
-    fits = pc.match_substring_regex(column, f"^({_DECIMAL_COMMA if commas else _NUMBER})$")
+    usual = _DECIMAL_COMMA if commas else f"{_NUMBER}|{_THOUSANDS}"
+    fits = pc.match_substring_regex(column, f"^({usual})$")
     num_there = len(column) - column.null_count
     num_fits = pc.sum(pc.cast(fits, pa.int64())).as_py() or 0
     if num_fits < max((1 - _FEW) * num_there, 1):
         return column
     cells = pc.if_else(fits, pc.utf8_trim_whitespace(column), pa.scalar(None, pa.string()))
-    return pc.replace_substring(cells, ",", ".").cast(pa.float64())
+    return pc.replace_substring(cells, ",", "." if commas else "").cast(pa.float64())
