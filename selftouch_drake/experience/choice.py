@@ -265,9 +265,9 @@ class Choice:
     def _sent_names(self, name: str) -> list[str]:
         """The name of a joint that `rostopic echo -p` writes beside its position, if it is one."""
         beside = re.sub(r"^field\.position(?=\d+$)", "field.name", name)
-        words = (
-            words_in(self._columns[beside]) if beside in self._columns and beside != name else ()
-        )
+        if beside == name or beside not in self._columns:
+            return []
+        words = words_in(self._columns[beside])
         if words is None or not len(words):
             return []
         if (words != words[0]).any():

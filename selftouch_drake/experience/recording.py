@@ -123,9 +123,11 @@ def _read(
             note = f"{len(others)} files hold neither joints nor skin: left out"
             notes = (f"{note}, as {others[0].relative_to(source)}",) if others else ()
             parts = []
-            for number, group in enumerate(groups):
+            for number, places in enumerate(groups):
                 joined = side_by_side(
-                    [paths[n] for n in group], [contents[n] for n in group], wanted
+                    [paths[place] for place in places],
+                    [contents[place] for place in places],
+                    wanted,
                 )
                 parts.append(recorded(joined, source, _found_already(wanted, joined), number))
             parts = [replace(part, notes=(*notes, *part.notes)) for part in parts]

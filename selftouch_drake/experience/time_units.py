@@ -96,7 +96,7 @@ def unit_by_speeds(
         return None
     steps = np.diff(times)
     # Numbers of rows, and times whose digits were cut off.
-    if (steps == 1).all() or (steps > 0).mean() < 0.5:
+    if (np.abs(steps - 1) < 1e-6).all() or (steps > 0).mean() < 0.5:
         return None
     step, across = float(np.median(steps[steps > 0])), crossing(q, times)
     if not np.isfinite(across):

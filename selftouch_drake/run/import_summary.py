@@ -200,7 +200,10 @@ def _sudden(recording: Recording, joint: int) -> tuple[int, float] | None:
     if len(steps) < 200:
         return None
     usual, reach = np.quantile(steps, 0.999 if len(steps) > 5000 else 0.99), np.ptp(column)
-    far = np.flatnonzero((steps > _SUDDEN * usual) & (steps > 0.05 * reach))
+    # Between usual steps: what is quick for a while is a motion.
+    beside = np.maximum(np.append(steps[1:], 0.0), np.insert(steps[:-1], 0, 0.0))
+    sudden = (steps > _SUDDEN * usual) & (steps > 0.05 * reach) & (beside <= usual)
+    far = np.flatnonzero(sudden)
     if usual == 0 or not 0 < len(far) <= 3:
         return None
     return int(recording.row[far[0] + 1]), float(steps[far[0]])
