@@ -1,5 +1,6 @@
 """What an import found, in the lines that an engineer would check."""
 
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 
@@ -162,6 +163,7 @@ def _odd_joints(data: Data) -> Iterator[str]:
             f"{listed(_named(names, few))} in {rounded[few].max()} positions alone: were decimals "
             "cut off?"
         )
+    yield from _of_unit_length(q, names)
     for joint, name in enumerate(names):
         found = _sudden(recording, joint)
         if found is not None:
@@ -187,6 +189,25 @@ def _odd_joints(data: Data) -> Iterator[str]:
             f"{len(names)} joints and {len(recording.receptors)} receptors: are --q and "
             "--sensation exchanged?"
         )
+
+
+def _of_unit_length(q: np.ndarray, names: Sequence[str]) -> Iterator[str]:
+    """Whether some joints are parts of one: a quaternion, or cosine and sine of an angle."""
+    sample = q[:: len(q) // 1000 + 1]
+    moving = np.ptp(sample, axis=0) > 0
+    squares, num = sample**2, len(names)
+    for first in range(num - 3):
+        four = slice(first, first + 4)
+        if moving[four].any() and np.allclose(squares[:, four].sum(axis=1), 1.0, atol=1e-3):
+            yield (
+                f"{names[first]} to {names[first + 3]} are a quaternion, as of a free base: choose "
+                "the joints by --q"
+            )
+            return
+    for one, other in itertools.combinations(np.flatnonzero(moving).tolist(), 2):
+        if np.allclose(squares[:, one] + squares[:, other], 1.0, atol=1e-3):
+            yield f"{names[one]} and {names[other]} are cosine and sine of one angle: record angles"
+            return
 
 
 def _sudden(recording: Recording, joint: int) -> tuple[int, float] | None:

@@ -298,6 +298,18 @@ def a_zero_that_is_set_anew(rng, good):
     return good.table(q=q), f"joint q_{joint} is moved by .* was its zero set anew"
 
 
+def a_quaternion_among_the_joints(rng, good):
+    four = good.q[:, :4] + rng.normal(size=4)
+    base = four / np.linalg.norm(four, axis=1, keepdims=True)
+    return {"qpos": np.hstack([good.q, base]), "touch": good.force}, r"\[4\] to .*are a quaternion"
+
+
+def cosines_and_sines(rng, good):
+    angles = good.q[:, :2] * rng.uniform(1, 2)
+    arrays = {"q": np.hstack([np.cos(angles), np.sin(angles)]), "touch": good.force}
+    return arrays, r"q\[0\] and q\[2\] are cosine and sine of one angle"
+
+
 def rows_that_fill_up_the_file(rng, good):
     rows = np.minimum(np.arange(NUM_ROWS + 100), NUM_ROWS - 1)
     arrays = {"q": good.q[rows], "touch": good.force[rows]}
@@ -440,6 +452,7 @@ HARMS = (
     ),
     *(a_second_file_without_a_header, the_same_rows_twice, a_unit_that_nobody_states),
     *(a_zero_that_is_set_anew, rows_that_fill_up_the_file),
+    *(a_quaternion_among_the_joints, cosines_and_sines),
     *(a_time_that_is_a_thousand_times_too_fast, a_clock_that_begins_again, a_gap),
     *(a_clock_that_changes_its_unit, no_order_and_no_time, degrees_that_nobody_states),
     *(one_joint_in_degrees, joints_without_decimals, a_joint_twice, a_joint_that_stands_still),

@@ -222,6 +222,30 @@ def test_topics_are_chosen_where_they_are_not_evident(good, tmp_path):
         read_recording(tmp_path / "walk", q=both, sensation="/board_1", time="none")
 
 
+def test_one_message_may_hold_joints_and_skin(good, tmp_path):
+    whole = "std_msgs/Header header\nfloat64[4] angles\nfloat32[40] skin\n"
+    with Bag(tmp_path / "walk", "mcap") as bag:
+        bag.register(whole, "my_skin/msg/Whole")
+        rng = np.random.default_rng(0)
+        for stamp, row, force in zip(nanoseconds(good.time_s), good.q, good.force, strict=True):
+            bag.send(
+                "/robot",
+                "my_skin/msg/Whole",
+                stamp + int(rng.uniform(0, 0.015) * 1e9),
+                header=bag.header(stamp),
+                angles=row,
+                skin=force.astype(np.float32),
+            )
+    data = require_same(good, tmp_path / "walk", q="/robot.angles")
+    assert "50 Hz, from the stamps of the messages" in said(data)
+    assert "have times of their own" not in said(data)
+    shutil.copytree(tmp_path / "walk", tmp_path / "bags" / "walk_1")
+    shutil.move(tmp_path / "walk", tmp_path / "bags" / "walk_2")
+    both = read_recording(tmp_path / "bags", q="/robot.angles")
+    assert len(both.q) == 2 * NUM_ROWS
+    assert len(np.unique(both.piece)) == 2
+
+
 def test_bags_that_cannot_be_read_are_refused(good, tmp_path, monkeypatch):
     path = write(tmp_path / "a.bag", "bag", good)
     (tmp_path / "b.bag").write_bytes(path.read_bytes()[:50_000])
