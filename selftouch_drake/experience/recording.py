@@ -1,7 +1,7 @@
-"""Reads recordings of other robots: tables with named columns, as the robot's own tools write them.
+"""Reads recordings of other robots, as the robots' own tools write them.
 
 A recording is a file of one of the kinds `KINDS`, or a folder of files of one kind. Folders in the
-layout of LeRobot (`meta/info.json`, `data/`) are understood.
+layout of LeRobot (`meta/info.json`, `data/`), of ROS 2's bags and of YARP's logs are understood.
 """
 
 from collections.abc import Sequence
@@ -12,21 +12,11 @@ import numpy as np
 
 from selftouch_drake.experience.choice import Wanted
 from selftouch_drake.experience.containers.contents import Contents
-from selftouch_drake.experience.containers.kinds import (
-    BAG_KINDS,
-    HINTS,
-    KINDS,
-    KINDS_TEXT,
-    LOOSE_TEXT_KINDS,
-    TEXT_KINDS,
-    is_rosbag_folder,
-    kind_of,
-    read_columns,
-)
-from selftouch_drake.experience.containers.lerobot import is_lerobot, lerobot_names
-from selftouch_drake.experience.containers.yarp import is_yarp_log
+from selftouch_drake.experience.containers.kinds import read_columns
+from selftouch_drake.experience.containers.lerobot import lerobot_names
 from selftouch_drake.experience.recorded import Recording
 from selftouch_drake.experience.recorded_file import recorded
+from selftouch_drake.experience.recorded_folder import files_of
 from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.side_by_side import (
     belonging_together,
@@ -34,15 +24,7 @@ from selftouch_drake.experience.side_by_side import (
     side_by_side,
 )
 from selftouch_drake.experience.times import SECONDS_IN
-from selftouch_drake.experience.units import plain_form
-from selftouch_drake.experience.usual_names import (
-    Q_NAMES,
-    SENSATION_NAMES,
-    TIME_NAMES,
-    in_order_of_numbers,
-)
 from selftouch_drake.experiment import shown
-from selftouch_drake.files import content_digest
 
 
 def read_recording(
@@ -60,16 +42,17 @@ def read_recording(
     Args:
         source: a file of one of the `KINDS`, or a folder; in LeRobot's layout the files under
             `data` are read. In a folder of `.npy` files, those that differ only in the name of the
-            array (`walk1_q.npy`, `walk1_touch.npy`) belong together.
+            array (`walk1_q.npy`, `walk1_touch.npy`) belong together; and so do files of which some
+            hold joints and others the skin, by the numbers in their names.
         q: the columns of motor configurations, with an array or a number in each row, as names
             separated by commas, as FIRST..LAST, or as a pattern (`joint_*`), in the order of their
-            numbers. By
-            default the first of `Q_NAMES` that exists. In an archive, the arrays of `NAMES_OF` name
-            the joints and receptors, and arrays may be transposed.
+            numbers; in bags, topics. By default the first of `Q_NAMES` that exists, or topics that
+            can be nothing else. In an archive, the arrays of `NAMES_OF` name the joints and
+            receptors, and arrays may be transposed.
         sensation: the columns of raw readings, likewise; by default the first of `SENSATION_NAMES`.
         time: the column of times or dates; by default the first of `TIME_NAMES` that exists, if
             any; "none" for no time.
-        time_unit: s, ms, us or ns; by default what the name or, since 1970, the numbers say.
+        time_unit: s, ms, us or ns; by default what the name, the numbers or the speeds say.
         rows: conditions, as `COLUMN=VALUE` or `COLUMN=VALUE,VALUE`; rows that meet all are read.
         delimiter: between the columns of text; by default the one that the first line has most of.
 
@@ -82,7 +65,7 @@ def read_recording(
         raise RecordingError(
             f"--time-unit is {shown(time_unit)}; give one of {', '.join(SECONDS_IN)}"
         )
-    files, notes = _files(source)
+    files, notes = files_of(source)
     wanted = Wanted(
         q=q,
         sensation=sensation,
@@ -93,6 +76,7 @@ def read_recording(
         named=lerobot_names(source),
     )
     sources, parts = _read(source, files, wanted)
+    parts = [_in_order_of(parts[0], part) for part in parts]
     _require_one_robot(sources, parts)
     joined = _joined(parts)
     joined = replace(joined, notes=tuple(dict.fromkeys([*notes, *joined.notes])))
@@ -112,25 +96,9 @@ def _read(
     """Each piece of a recording, and the file or folder that it is from."""
     first = read_columns(files[0], wanted.delimiter)
     if len(files) > 1 and not all(columns_for(first, str(files[0][0]), wanted).values()):
-        paths = [group[0] for group in files]
         contents = [first, *(read_columns(group, wanted.delimiter) for group in files[1:])]
-        held = [
-            columns_for(one, str(path), wanted) for one, path in zip(contents, paths, strict=True)
-        ]
-        groups = belonging_together(paths, held, source)
-        if groups is not None:
-            others = [path for path, one in zip(paths, held, strict=True) if not any(one.values())]
-            note = f"{len(others)} files hold neither joints nor skin: left out"
-            notes = (f"{note}, as {others[0].relative_to(source)}",) if others else ()
-            parts = []
-            for number, places in enumerate(groups):
-                joined = side_by_side(
-                    [paths[place] for place in places],
-                    [contents[place] for place in places],
-                    wanted,
-                )
-                parts.append(recorded(joined, source, _found_already(wanted, joined), number))
-            parts = [replace(part, notes=(*notes, *part.notes)) for part in parts]
+        parts = _read_apart(source, [group[0] for group in files], contents, wanted)
+        if parts:
             return [source] * len(parts), parts
     sources = [group[0] if len(group) == 1 else group[0].parent for group in files]
     parts = []
@@ -138,6 +106,27 @@ def _read(
         contents_of_file = read_columns(group, wanted.delimiter) if number else first
         parts.append(recorded(contents_of_file, path, wanted, number))
     return sources, parts
+
+
+def _read_apart(
+    source: Path, paths: Sequence[Path], contents: Sequence[Contents], wanted: Wanted
+) -> list[Recording]:
+    """The pieces of a recording whose files hold joints or skin; none if these are not such."""
+    held = [columns_for(one, str(path), wanted) for one, path in zip(contents, paths, strict=True)]
+    groups = belonging_together(paths, held, source)
+    if groups is None:
+        return []
+    others = [path for path, one in zip(paths, held, strict=True) if not any(one.values())]
+    note = f"{len(others)} files hold neither joints nor skin: left out"
+    notes = (f"{note}, as {others[0].relative_to(source)}",) if others else ()
+    parts = []
+    for number, places in enumerate(groups):
+        joined = side_by_side(
+            [paths[place] for place in places], [contents[place] for place in places], wanted
+        )
+        part = recorded(joined, source, _found_already(wanted, joined), number)
+        parts.append(replace(part, notes=(*notes, *part.notes)))
+    return parts
 
 
 def _found_already(wanted: Wanted, joined: Contents) -> Wanted:
@@ -149,6 +138,17 @@ def _found_already(wanted: Wanted, joined: Contents) -> Wanted:
         sensation=None if wanted.sensation is None else ",".join(evident["--sensation"]),
         time="none" if wanted.time == "none" else None,
     )
+
+
+def _in_order_of(first: Recording, part: Recording) -> Recording:
+    """A part whose joints and receptors are in the order of the first, if they have its names."""
+    found = part
+    for what, array in (("joints", "q"), ("receptors", "readings")):
+        names, own = getattr(first, what), getattr(part, what)
+        if own != names and len(set(names)) == len(names) and sorted(own) == sorted(names):
+            columns = [own.index(name) for name in names]
+            found = replace(found, **{what: names, array: getattr(found, array)[:, columns]})
+    return found
 
 
 def _require_one_robot(files: Sequence[Path], parts: Sequence[Recording]) -> None:
@@ -189,90 +189,3 @@ def _joined(parts: Sequence[Recording]) -> Recording:
         time_from=parts[0].time_from if len(times) == len(parts) else "",
         num_gaps=sum(part.num_gaps for part in parts),
     )
-
-
-def _files(source: Path) -> tuple[list[list[Path]], list[str]]:
-    """The files of a recording, in order, those of one piece of motion together; and notes."""
-    if source.is_file():
-        kind = kind_of(source)
-        if kind == ".npy":
-            raise RecordingError(
-                f"{source} holds one array; give the folder that holds those of joints and skin"
-            )
-        if kind not in KINDS:
-            remedy = HINTS.get(kind, "convert it to one")
-            raise RecordingError(f"{source} is not a {KINDS_TEXT} file; {remedy}")
-        return [[source]], []
-    if not source.is_dir():
-        raise FileNotFoundError(f"{source} does not exist; give a file or a folder")
-    if is_rosbag_folder(source):
-        return [[source]], []
-    folder = source / "data" if is_lerobot(source) else source
-    found, notes = _found_in(folder)
-    kinds = sorted({_kind(path) for path in found})
-    if not found:
-        others = {path.suffix.lower() for path in folder.rglob("*") if path.is_file()} & {*HINTS}
-        remedy = HINTS[min(others)] if others else "give another folder"
-        raise RecordingError(f"{folder} holds no {KINDS_TEXT} file; {remedy}")
-    if len(kinds) > 1 and not {*kinds} <= {*TEXT_KINDS}:
-        raise RecordingError(f"{folder} holds files of kinds {', '.join(kinds)}; give one kind")
-    if kinds == [".npy"]:
-        return _grouped(found), notes
-    contents = {path: path if path.is_dir() else content_digest(path) for path in found}
-    first_of = {contents[path]: path for path in reversed(found)}
-    copies = [path for path in found if first_of[contents[path]] != path]
-    if copies:
-        same = first_of[contents[copies[0]]]
-        notes.append(
-            f"{len(copies)} files are copies of others and left out, as {copies[0].name} of "
-            f"{same.name}"
-        )
-    return [[path] for path in found if path not in copies], notes
-
-
-def _found_in(folder: Path) -> tuple[list[Path], list[str]]:
-    """The files of known kinds in a folder, in order, a bag of ROS 2 as its folder; and notes."""
-    every = [
-        path
-        for path in folder.rglob("*")
-        if path.is_file() and (kind_of(path) in KINDS or is_yarp_log(path))
-    ]
-    found = [path for path in every if not _is_left_behind(path.relative_to(folder))]
-    notes = []
-    if len(every) > len(found):
-        notes.append(f"{len(every) - len(found)} hidden files or copies of an editor are left out")
-    # Pages of text lie beside recordings of all kinds.
-    if any(kind_of(path) not in LOOSE_TEXT_KINDS for path in found):
-        found = [path for path in found if kind_of(path) not in LOOSE_TEXT_KINDS]
-    bags = {path.parent for path in found if kind_of(path) in BAG_KINDS}
-    bags = {path for path in bags if is_rosbag_folder(path)}
-    found = [*bags, *(path for path in found if path.parent not in bags)]
-    found.sort(key=lambda path: in_order_of_numbers(str(path.relative_to(folder))))
-    return found, notes
-
-
-def _kind(path: Path) -> str:
-    return "a bag of ROS 2" if path.is_dir() else kind_of(path)
-
-
-def _is_left_behind(path: Path) -> bool:
-    """Whether a file is hidden, or a copy that an editor or a system keeps."""
-    return any(
-        part.startswith((".", "~$", "__MACOSX")) for part in path.parts
-    ) or path.stem.endswith("-checkpoint")
-
-
-def _grouped(found: list[Path]) -> list[list[Path]]:
-    """Arrays that belong together: of one folder and, if they share some, of one beginning."""
-    usual = sorted(
-        {plain_form(name) for name in (*Q_NAMES, *SENSATION_NAMES, *TIME_NAMES) if "#" not in name},
-        key=len,
-        reverse=True,
-    )
-    groups: dict[tuple[Path, str], list[Path]] = {}
-    for path in found:
-        form = plain_form(path.stem)
-        ending = next((name for name in usual if form == name or form.endswith(f"_{name}")), "")
-        beginning = form[: len(form) - len(ending)] if ending else ""
-        groups.setdefault((path.parent, beginning), []).append(path)
-    return list(groups.values())

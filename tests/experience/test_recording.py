@@ -292,3 +292,14 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
     pq.write_table(pa.table(table), tmp_path / "e.parquet")
     with pytest.raises(RecordingError, match="has arrays of length 1, but another length"):
         read_recording(tmp_path / "e.parquet")
+
+
+def test_columns_of_further_files_may_come_in_another_order(tmp_path):
+    for number, rows in enumerate((slice(0, 2), slice(2, 4))):
+        order = slice(None) if number == 0 else slice(None, None, -1)
+        names = np.array(["yaw", "pitch", "roll"])[order]
+        arrays = {"q": Q[rows][:, order], "joint_names": names, "touch": READINGS[rows]}
+        np.savez(tmp_path / f"{number}.npz", **arrays)
+    found = read_recording(tmp_path)
+    assert found.joints == ("yaw", "pitch", "roll")
+    np.testing.assert_array_equal(found.q, Q)
