@@ -224,7 +224,9 @@ class Choice:
     @property
     def _all(self) -> str:
         """The names of all columns, as far as a line holds them."""
-        return ", ".join([*self._columns][:20]) + (", ..." if len(self._columns) > 20 else "")
+        names = ", ".join([*self._columns][:20]) + (", ..." if len(self._columns) > 20 else "")
+        skipped = ", ".join(self._contents.skipped[:8])
+        return (names or "no numbers") + (f" (not read: {skipped})" if skipped else "")
 
     def single(self, names: Sequence[str], num_rows: int) -> np.ndarray | None:
         """`(n,)` the number in each row of the first of these columns that exists, if any."""

@@ -18,6 +18,8 @@ _FAR = 10.0
 _NEAR = 1.5
 # s: clocks of two senders that differ by more cannot be used together.
 _SAME_CLOCK_S = 0.05
+# Stamps that pass so much faster or slower than the times of arrival are of a simulated clock.
+_PACE = 0.05
 # s: what comes later by so much, and is older, was not overtaken: the clock was set back.
 _OVERTAKEN_S = 1.0
 # Steps of this share of a joint's range, and so rare, are the end of a turn.
@@ -125,10 +127,22 @@ def _on_one_clock(clocks: Sequence[Clock]) -> tuple[list[np.ndarray], str, list[
         return [clock.time_s for clock in clocks], "the times of arrival", [note]
     without = [clock.name for clock in clocks if clock.stamp_s is None]
     if stamps:
-        note = f"{', '.join(without)} has no stamps: the times of arrival are used"
+        note = f"{', '.join(without)} has no stamps: the times of arrival are used{_pace(clocks)}"
         return [clock.time_s for clock in clocks], "the times of arrival", [note]
     whose = " and ".join(dict.fromkeys(clock.what for clock in clocks))
     return [clock.time_s for clock in clocks], whose, []
+
+
+def _pace(clocks: Sequence[Clock]) -> str:
+    """How fast the stamps of some sender pass, in words, if not as fast as the times of arrival."""
+    for clock in clocks:
+        if clock.stamp_s is None or not np.isfinite(clock.stamp_s).any():
+            continue
+        passed = np.ptp(clock.time_s[np.isfinite(clock.time_s)])
+        pace = np.ptp(clock.stamp_s[np.isfinite(clock.stamp_s)]) / max(float(passed), 1e-9)
+        if abs(pace - 1) > _PACE:
+            return f", although the stamps of {clock.name} pass {pace:.3g} times as fast"
+    return ""
 
 
 def _goes_back(time_s: np.ndarray) -> bool:

@@ -178,8 +178,8 @@ def _joined(parts: Sequence[Recording]) -> Recording:
             [part.row + first for part, first in zip(parts, first_rows, strict=False)]
         ),
         num_read=int(first_rows[-1]),
-        q=np.concatenate([part.q for part in parts]),
-        readings=np.concatenate([part.readings for part in parts]),
+        q=np.ascontiguousarray(np.concatenate([part.q for part in parts])),
+        readings=np.ascontiguousarray(np.concatenate([part.readings for part in parts])),
         time_s=np.concatenate(times) if len(times) == len(parts) else None,
         piece=np.concatenate([part.piece for part in parts]),
         num_rows=sum(part.num_rows for part in parts),

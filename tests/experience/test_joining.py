@@ -64,6 +64,10 @@ def test_clocks_are_used_as_far_as_they_agree():
         assert source in found.time_from
         expected = TIME_S if source == "stamps" else TIME_S + 0.02
         np.testing.assert_allclose(found.time_s, expected)
+    # A simulation that runs at a third of real time.
+    slow = stream(TIME_S[:, None], 3 * TIME_S, "joints", TIME_S)
+    found = together([slow], [stream(TIME_S[:, None], 3 * TIME_S, "skin")], "a.bag")
+    assert "although the stamps of joints pass 0.333 times as fast" in found.notes[0]
     with pytest.raises(RecordingError, match="times of skin that begin again; write each piece"):
         together([joints], [stream(TIME_S[:, None], np.roll(TIME_S, 50), "skin")], "a.bag")
     with pytest.raises(RecordingError, match="times of skin and of a that do not overlap"):

@@ -81,6 +81,11 @@ def _read(item: "h5py.Dataset", name: str, *, matlab: bool) -> dict[str, np.ndar
             for field in item.dtype.names
             if table[field].dtype.kind in "fiubS"
         }
+    if isinstance((item.dtype.metadata or {}).get("vlen"), np.dtype):
+        rows = [np.ravel(row) for row in np.ravel(item[()])]
+        # Arrays of one length each, although they might differ.
+        alike = len({len(row) for row in rows}) == 1
+        return {name: np.stack(rows)} if alike and rows[0].dtype.kind in "fiub" else {}
     if item.dtype.kind in "OS":
         words = [_word(one) for one in np.ravel(item[()]).tolist()]
         return {} if None in words else {name: np.array(words, dtype=str)}

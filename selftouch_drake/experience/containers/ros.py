@@ -24,7 +24,9 @@ _OTHERS = re.compile(
 )
 # Fields that hold no measurement.
 _NO_FIELDS = ("header", "layout")
-_NO_READING = re.compile(r"seq|stamp|time|temp|status|count|index|^id$|_id$", re.IGNORECASE)
+_NO_READING = re.compile(
+    r"seq|stamp|time|temp|status|count|index|variance|^id$|_id$", re.IGNORECASE
+)
 _TACTILE = re.compile(r"tactile|touch|taxel|skin|pressure|fsr|contact", re.IGNORECASE)
 _COMMANDED = re.compile(r"command|desired|goal|target|setpoint|reference|leader|master", re.I)
 

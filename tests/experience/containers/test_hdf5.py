@@ -50,7 +50,14 @@ def as_a_table(file, good):
     file["log"] = table
 
 
-@pytest.mark.parametrize("layout", [flat, in_groups, in_demos, as_a_table])
+def in_arrays_of_any_length(file, good):
+    file["q"], file["time"] = good.q, good.time_s
+    touch = file.create_dataset("touch", (NUM_ROWS,), dtype=h5py.vlen_dtype(float))
+    for number, row in enumerate(good.force):
+        touch[number] = row
+
+
+@pytest.mark.parametrize("layout", [in_arrays_of_any_length, flat, in_groups, in_demos, as_a_table])
 def test_layouts_of_hdf5_hold_the_same(layout, good, tmp_path):
     path = tmp_path / "a.hdf5"
     with h5py.File(path, "w") as file:
@@ -96,6 +103,12 @@ def test_hdf5_that_cannot_be_used_is_refused(good, tmp_path, monkeypatch):
         RecordingError, match=r"several columns that may hold joints, observ.*by --q"
     ):
         read_recording(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        for number in range(2):
+            file[f"demo_{number}/touch"] = good.force
+            file[f"demo_{number}/q"] = good.q[number:]
+    with pytest.raises(RecordingError, match=r"it has touch, episode_index \(not read: q\): name"):
+        read_recording(tmp_path / "d.h5")
     with h5py.File(tmp_path / "b.h5", "w") as file:
         file.create_group("df").attrs["pandas_type"] = "frame"
     with pytest.raises(RecordingError, match=r"written by pandas.to_hdf; write it by to_parquet"):

@@ -5,13 +5,10 @@ import shutil
 import numpy as np
 import pytest
 from known_recording import NUM_JOINTS, NUM_RECEPTORS, Good, require_same, said
+from rosbags import rosbag1, rosbag2, typesys
 
 from selftouch_drake.experience.recording import read_recording
 from selftouch_drake.experience.recording_error import RecordingError
-
-rosbag1 = pytest.importorskip("rosbags.rosbag1")
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-typesys = pytest.importorskip("rosbags.typesys")
 
 NUM_ROWS = 800
 START_NS = 1_777_000_000_000_000_000
@@ -80,7 +77,7 @@ class Bag:
             at_ns,
             header=self.header(stamp_ns),
             name=list(names),
-            position=np.asarray(position, dtype=float),
+            position=np.ascontiguousarray(position, dtype=float),
             velocity=none,
             effort=none,
         )
@@ -239,11 +236,20 @@ def test_one_message_may_hold_joints_and_skin(good, tmp_path):
     data = require_same(good, tmp_path / "walk", q="/robot.angles")
     assert "50 Hz, from the stamps of the messages" in said(data)
     assert "have times of their own" not in said(data)
-    shutil.copytree(tmp_path / "walk", tmp_path / "bags" / "walk_1")
-    shutil.move(tmp_path / "walk", tmp_path / "bags" / "walk_2")
-    both = read_recording(tmp_path / "bags", q="/robot.angles")
-    assert len(both.q) == 2 * NUM_ROWS
-    assert len(np.unique(both.piece)) == 2
+
+
+def test_bags_in_a_folder_are_pieces_whatever_the_order_of_their_joints(good, tmp_path):
+    for number, rows in enumerate((slice(0, 400), slice(400, None))):
+        order = slice(None, None, -1 if number else 1)
+        with Bag(tmp_path / f"walk_{number}", "db3") as bag:
+            for at, q, force in zip(
+                nanoseconds(good.time_s[rows]), good.q[rows], good.force[rows], strict=True
+            ):
+                bag.joints(at, at, NAMES[order], q[order])
+                bag.array(at, force)
+    data = require_same(good, tmp_path)
+    assert data.recording.joints == NAMES
+    assert np.flatnonzero(np.diff(data.recording.piece)).tolist() == [399]
 
 
 def test_bags_that_cannot_be_read_are_refused(good, tmp_path, monkeypatch):
