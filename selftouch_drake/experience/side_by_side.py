@@ -45,22 +45,26 @@ def belonging_together(
         return None
     useful = [number for number, one in enumerate(held) if one["--q"] or one["--sensation"]]
 
-    def grouped(by_numbers: bool) -> list[list[int]] | None:
-        groups: dict[object, list[int]] = {}
-        for number in useful:
-            path = files[number].relative_to(folder)
-            key: object = re.findall(r"\d+", str(path)) if by_numbers else path.parent
-            groups.setdefault(str(key), []).append(number)
-        whole = all(
-            all(any(held[number][option] for number in group) for option in _OPTIONS)
-            for group in groups.values()
-        )
-        return list(groups.values()) if groups and whole else None
-
     if not all(any(one[option] for one in held) for option in _OPTIONS):
         return None
-    # Each recorder may have written the time at which it began into the name of its file.
-    return grouped(by_numbers=True) or grouped(by_numbers=False)
+    paths = [str(path.relative_to(folder)) for path in files]
+    # A model may have a number too (`ur5_joints_2`), and each recorder may have written the time at
+    # which it began into the name of its file.
+    for key in (_numbers, lambda path: _numbers(path)[-1:], lambda path: Path(path).parent.parts):
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for number in useful:
+            groups.setdefault(key(paths[number]), []).append(number)
+        if all(
+            any(held[number][option] for number in group)
+            for group in groups.values()
+            for option in _OPTIONS
+        ):
+            return list(groups.values())
+    return None
+
+
+def _numbers(path: str) -> tuple[str, ...]:
+    return tuple(re.findall(r"\d+", path))
 
 
 def side_by_side(files: Sequence[Path], parts: Sequence[Contents], wanted: Wanted) -> Contents:

@@ -47,13 +47,16 @@ def test_topics_that_rostopic_echoed_are_brought_together(good, tmp_path):
     assert "at 50 Hz, from column time, ns since 1970" in text
 
 
-@pytest.mark.parametrize("names", ["take{}/{}.csv", "{}_{}.csv", "{1}-{0}.parquet"])
+@pytest.mark.parametrize(
+    "names", ["take{}/{}.csv", "{}_{}.csv", "{1}-{0}.parquet", "{2}_{1}_{0}.csv"]
+)
 def test_pieces_are_told_by_their_numbers(names, good, tmp_path):
     for number, rows in enumerate((slice(0, 1200), slice(1200, None))):
         table = good.table().iloc[rows]
         for kind, others in (("joints", "taxel"), ("skin", "q_")):
             part = table[[name for name in table.columns if not name.startswith(others)]]
-            path = tmp_path / names.format(number + 9, kind)
+            model = "ur5" if kind == "joints" else "xela16"
+            path = tmp_path / names.format(number + 9, kind, model)
             path.parent.mkdir(exist_ok=True)
             if path.suffix == ".csv":
                 part.to_csv(path, index=False)
