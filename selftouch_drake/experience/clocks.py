@@ -7,6 +7,7 @@ import numpy as np
 
 from selftouch_drake.experience.columns import numbers_in
 from selftouch_drake.experience.containers.contents import Clock, Column, Contents
+from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.times import Times, in_seconds, joined_counts
 from selftouch_drake.experience.units import plain_form
 from selftouch_drake.experience.usual_names import TIME_NAMES, at_a_usual_end, of_usual_name
@@ -14,6 +15,8 @@ from selftouch_drake.experience.usual_names import TIME_NAMES, at_a_usual_end, o
 # Endings of the names of two columns that hold one time: whole seconds, and nanoseconds.
 _STAMPS = (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"))
 _TIME_WORD = re.compile(r"(^|_)(t|times?|timestamps?|stamps?|clock)(_s|_ns|_us|_ms)?(_|$)")
+# Share of the steps of a clock that go forwards.
+_COUNTS_UP = 0.9
 # Words for joints, and for the skin, in the names of their times.
 _OF_JOINTS = re.compile(r"(^|_)(q|qpos|joints?|arm|robot|encoders?|motors?|pos|positions?)(_|$)")
 _OF_SKIN = re.compile(r"(^|_)(touch|tactile|skin|taxels?|pressure|sensors?|readings?)(_|$)")
@@ -47,6 +50,7 @@ def times_of(
             forms = {plain_form(name): name for name in columns}
             ends = ("stamp_secs", "stamp_sec", "secs", "sec")
             names = [name for form, name in forms.items() if form.endswith(ends)][:1]
+        names = names or _only_clock(columns)
     if not names:
         return [], None
     (name,) = names
@@ -63,6 +67,21 @@ def times_of(
     if joints is not None and _length(columns[name]) != len(joints):
         joints = None
     return names, in_seconds(columns[name], name, what, unit, joints)
+
+
+def _only_clock(columns: Mapping[str, Column]) -> list[str]:
+    """The column with time in its name that counts up, if it is the only one: `ros_time`."""
+    found = []
+    for name, column in columns.items():
+        if not _TIME_WORD.search(plain_form(name)) or not _is_narrow(column):
+            continue
+        try:
+            steps = np.diff(numbers_in(column, name).astype(float).ravel())
+        except RecordingError:
+            continue
+        if len(steps) and np.mean(steps > 0) > _COUNTS_UP:
+            found.append(name)
+    return found if len(found) == 1 else []
 
 
 def own_clocks(

@@ -303,3 +303,13 @@ def test_columns_of_further_files_may_come_in_another_order(tmp_path):
     found = read_recording(tmp_path)
     assert found.joints == ("yaw", "pitch", "roll")
     np.testing.assert_array_equal(found.q, Q)
+
+
+def test_the_only_clock_is_the_time_whatever_its_name(tmp_path):
+    arrays = {"q": Q, "touch": READINGS, "ros_time": 100 + TIME_S, "contact_time": TIME_S[::-1]}
+    np.savez(tmp_path / "a.npz", **arrays)
+    found = read_recording(tmp_path / "a.npz")
+    np.testing.assert_allclose(found.time_s, 100 + TIME_S)
+    assert found.time_from == "column ros_time"
+    np.savez(tmp_path / "a.npz", **arrays, sim_time=TIME_S)
+    assert read_recording(tmp_path / "a.npz").time_s is None

@@ -20,7 +20,7 @@ from selftouch_drake.run.imported import imported_experiment, read_data
 
 NUM_ROWS = 800
 #: No seed was used while the reader was written.
-SEEDS = range(62_000, 62_080)
+SEEDS = range(73_000, 73_080)
 START_NS = 1_764_000_000_000_000_000
 
 
