@@ -3,17 +3,18 @@
 import numpy as np
 import pandas as pd
 import pytest
-from known_recording import NUM_JOINTS, NUM_RECEPTORS, NUM_ROWS, Good, require_same, said
+from known_recording import NUM_JOINTS, NUM_RECEPTORS, Good, require_same, said
 
 from selftouch_drake.experience.recording import read_recording
 from selftouch_drake.experience.recording_error import RecordingError
 
+NUM_ROWS = 1000
 START_NS = 1_777_000_000_000_000_000
 
 
 @pytest.fixture(scope="module")
 def good():
-    return Good()
+    return Good(NUM_ROWS)
 
 
 def often(good):
@@ -51,7 +52,7 @@ def test_topics_that_rostopic_echoed_are_brought_together(good, tmp_path):
     "names", ["take{}/{}.csv", "{}_{}.csv", "{1}-{0}.parquet", "{2}_{1}_{0}.csv"]
 )
 def test_pieces_are_told_by_their_numbers(names, good, tmp_path):
-    for number, rows in enumerate((slice(0, 1200), slice(1200, None))):
+    for number, rows in enumerate((slice(0, 400), slice(400, None))):
         table = good.table().iloc[rows]
         for kind, others in (("joints", "taxel"), ("skin", "q_")):
             part = table[[name for name in table.columns if not name.startswith(others)]]
@@ -63,7 +64,7 @@ def test_pieces_are_told_by_their_numbers(names, good, tmp_path):
             else:
                 part.to_parquet(path, index=False)
     data = require_same(good, tmp_path)
-    assert np.flatnonzero(np.diff(data.recording.piece)).tolist() == [1199]
+    assert np.flatnonzero(np.diff(data.recording.piece)).tolist() == [399]
 
 
 def test_archives_may_have_times_for_joints_and_others_for_the_skin(good, tmp_path):
@@ -77,8 +78,8 @@ def test_archives_may_have_times_for_joints_and_others_for_the_skin(good, tmp_pa
     arrays = {"joint_q": good.q, "joint_time": good.time_s, "touch_time": late - 2.0}
     np.savez(tmp_path / "b.npz", **arrays, touch=np.roll(good.force, -50, axis=0))
     data = read_recording(tmp_path / "b.npz", q="joint_q")
-    np.testing.assert_allclose(data.readings[:2000], np.roll(good.force, -100, axis=0)[:2000])
-    np.testing.assert_allclose(data.q[:2000], good.q[:2000], atol=1e-9)
+    np.testing.assert_allclose(data.readings[:700], np.roll(good.force, -100, axis=0)[:700])
+    np.testing.assert_allclose(data.q[:700], good.q[:700], atol=1e-9)
     assert len(rows) == len(data.q)
 
 
