@@ -16,8 +16,8 @@ from selftouch_drake.cli.stages import progress_bar
 @click.option(
     "--q",
     metavar="COLUMNS",
-    help="Joint positions: a column of arrays, or a pattern such as 'joint_*' for one column per "
-    "joint.",
+    help="Joint positions: a column of arrays, a topic, or a pattern such as 'joint_*' for one "
+    "column per joint.",
 )
 @click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
 @click.option(
@@ -75,9 +75,10 @@ def import_data(
 ) -> None:
     """Begin a run with data recorded by another robot.
 
-    DATA is a CSV, TSV, Parquet, Feather, NPZ or MAT file, or a folder of them or of NPY files, with
-    joint positions and raw readings of the skin in each row. `learn`, `plan`, `live` and `report`
-    work on such a run; `execute` and `evaluate` need a body of your own, with --body.
+    DATA is a CSV, TSV, Parquet, Feather, NPZ, MAT, HDF5, ROS bag or MCAP file, or a folder of them,
+    of NPY files, of LeRobot or of YARP, with joint positions and raw readings of the skin. `learn`,
+    `plan`, `live` and `report` work on such a run; `execute` and `evaluate` need a body of your
+    own, with --body.
     """
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory

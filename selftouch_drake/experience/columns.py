@@ -1,151 +1,18 @@
 """Columns of recorded files as numbers and as words, whatever kind of file holds them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TypeAlias
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute
-import pyarrow.feather
-import pyarrow.parquet as pq
 
+from selftouch_drake.experience.containers.contents import Column
 from selftouch_drake.experience.recording_error import RecordingError
-from selftouch_drake.experience.store import UNREADABLE, one_chunk
-from selftouch_drake.experience.text_table import read_text_table
-from selftouch_drake.files import load_arrays
+from selftouch_drake.experience.store import one_chunk
 
-#: Endings of the files that are read, of tables as text and of all.
-TEXT_KINDS = (".csv", ".tsv")
-KINDS = (".parquet", ".feather", *TEXT_KINDS, ".npz", ".npy", ".mat")
-
-#: A column of a table, or an array of an archive.
-Column: TypeAlias = pa.ChunkedArray | np.ndarray
 # What stands around and between the numbers of a list that is written as text.
+_WRAPPED = r"^\s*(np\.)?(array|tensor)\(|,\s*(dtype|device)=.*$"
 _AROUND, _BETWEEN = " \t\r\n[](){},;", r"[\s,;]+"
 # A column with so many different words or whole numbers may say what touched.
 _FEW_VALUES = range(2, 21)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Columns:
-    """What a file holds.
-
-    Attributes:
-        by_name: each column, by its name.
-        clashing: names that several columns with different content have.
-        num_broken: number of rows left out because they could not be read.
-        notes: what was understood that the reader of the summary should know.
-    """
-
-    by_name: Mapping[str, Column]
-    clashing: frozenset[str] = frozenset()
-    num_broken: int = 0
-    notes: tuple[str, ...] = ()
-
-
-def read_columns(files: Sequence[Path], delimiter: str | None) -> Columns:
-    """All columns of a file, or of several `.npy` files that hold one array each.
-
-    The delimiter is as of `read_recording`.
-
-    Raises:
-        RecordingError: a file is damaged, or the delimiter is more than one character.
-        ValueError: an archive is damaged.
-    """
-    path, *others = files
-    kind = path.suffix.lower()
-    if kind == ".npy":
-        return Columns(by_name=_loose_arrays([path, *others]))
-    if kind == ".npz":
-        return Columns(by_name=load_arrays(path))
-    if kind == ".mat":
-        return Columns(by_name=_matlab_arrays(path))
-    try:
-        if kind in TEXT_KINDS:
-            text = read_text_table(path, delimiter)
-            named = _by_name(text.names, text.columns)
-            return Columns(
-                by_name=named[0], clashing=named[1], num_broken=text.num_broken, notes=text.notes
-            )
-        read = pyarrow.feather.read_table if kind == ".feather" else pq.read_table
-        table = read(path)
-    except UNREADABLE as error:
-        reason = " ".join(str(error).split())[:200]
-        raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
-    by_name, clashing = _by_name(table.column_names, table.columns)
-    return Columns(by_name=by_name, clashing=clashing)
-
-
-def _by_name(
-    names: Sequence[str], columns: Sequence[pa.ChunkedArray]
-) -> tuple[dict[str, Column], frozenset[str]]:
-    """Columns by name, and the names that columns with different content share."""
-    found: dict[str, Column] = {}
-    clashing = set()
-    for name, column in zip(names, columns, strict=True):
-        if not name:
-            continue
-        if name in found and not column.equals(found[name]):
-            clashing.add(name)
-        found.setdefault(name, column)
-    return found, frozenset(clashing)
-
-
-def _loose_arrays(files: Sequence[Path]) -> dict[str, Column]:
-    """The array of each `.npy` file, by its name without what all begin with, as in `walk1_q`."""
-    found: dict[str, Column] = {}
-    beginning = ""
-    if len(files) > 1:
-        least, most = min(path.stem for path in files), max(path.stem for path in files)
-        alike = [one == other for one, other in zip(least, most, strict=False)]
-        common = least[: alike.index(False)] if False in alike else least
-        beginning = common[: common.rfind("_") + 1]
-    for path in files:
-        try:
-            found[path.stem.removeprefix(beginning)] = np.load(path, allow_pickle=False)
-        # For truncated, damaged and foreign files, numpy raises a dozen kinds of errors.
-        except Exception as error:
-            reason = " ".join(str(error).split())[:200].rstrip(".")
-            raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
-    return found
-
-
-def _matlab_arrays(path: Path) -> dict[str, Column]:
-    """The arrays of a MATLAB file; those in one of several structs have names such as `data.q`."""
-    from scipy.io import loadmat  # no other run needs it
-
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        raise RecordingError(
-            f"{path} is a MATLAB file of version 7.3; save it with -v7, or as npz"
-        ) from None
-    # For truncated, damaged and foreign files, scipy raises a dozen kinds of errors.
-    except Exception as error:
-        reason = " ".join(str(error).split())[:200].rstrip(".")
-        raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
-    content = {name: value for name, value in content.items() if not name.startswith("__")}
-    while len(content) == 1 and isinstance(inner := next(iter(content.values())), Mapping):
-        content = dict(inner)
-    return _flat(content)
-
-
-def _flat(content: Mapping[str, Any], under: str = "") -> dict[str, Column]:
-    """Arrays by name, those of a mapping within by the names of both."""
-    found: dict[str, Column] = {}
-    for name, value in content.items():
-        if isinstance(value, Mapping):
-            found |= _flat(value, f"{under}{name}.")
-        else:
-            words = isinstance(value, list) and all(isinstance(one, str) for one in value)
-            array = np.array(value, dtype=str) if words else np.asarray(value)
-            if array.dtype.kind == "O" and all(isinstance(one, str) for one in array.ravel()):
-                array = array.astype(str)
-            if array.dtype.kind in "fiubUMm":
-                found[f"{under}{name}"] = array
-    return found
 
 
 def numbers_in(column: Column, what: str) -> np.ndarray:
@@ -175,7 +42,7 @@ def words_in(column: Column, *, few: bool = False) -> np.ndarray | None:
     """
     if isinstance(column, pa.ChunkedArray):
         kind = column.type
-        if pa.types.is_string(kind) or pa.types.is_dictionary(kind):
+        if _is_text(kind) or pa.types.is_dictionary(kind):
             column = column.cast(pa.string()).fill_null("")
         elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             return None
@@ -204,10 +71,18 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
     kind = column.type
     if not _is_list(kind):
         try:
-            if pa.types.is_string(kind):
+            if pa.types.is_null(kind):
+                return np.full(len(column), np.nan)
+            if pa.types.is_decimal(kind):
+                column = column.cast(pa.float64())
+            if _is_text(kind):
                 return _of_arrow(_lists_in_text(column), what)
             return column.to_numpy(zero_copy_only=False)
         except pa.ArrowException:
+            if _is_text(kind) and pa.compute.any(pa.compute.match_substring(column, "...")).as_py():
+                raise RecordingError(
+                    f"{what} has arrays that were printed with ... in them; write all numbers"
+                ) from None
             raise RecordingError(f"{what} holds {kind}; name a column that holds numbers") from None
     there = np.asarray(column.is_valid())
     lengths = np.asarray(pa.compute.list_value_length(column.filter(pa.array(there))))
@@ -227,6 +102,10 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
     return found
 
 
+def _is_text(kind: pa.DataType) -> bool:
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
+
+
 def _is_list(kind: pa.DataType) -> bool:
     return (
         pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
@@ -234,7 +113,8 @@ def _is_list(kind: pa.DataType) -> bool:
 
 
 def _lists_in_text(column: pa.Array) -> pa.Array:
-    """Cells such as `[0.1, 0.2]` or `0.1 0.2` as lists of numbers."""
+    """Cells such as `[0.1, 0.2]`, `0.1 0.2` or `array([0.1, 0.2])` as lists of numbers."""
+    column = pa.compute.replace_substring_regex(column, _WRAPPED, "")
     cells = pa.compute.utf8_trim(column, _AROUND)
     cells = pa.compute.if_else(pa.compute.equal(cells, ""), None, cells)
     return pa.compute.split_pattern_regex(cells, _BETWEEN).cast(pa.list_(pa.float64()))

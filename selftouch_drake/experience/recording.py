@@ -1,41 +1,30 @@
-"""Reads recordings of other robots: tables with named columns, as the robot's own tools write them.
+"""Reads recordings of other robots, as the robots' own tools write them.
 
 A recording is a file of one of the kinds `KINDS`, or a folder of files of one kind. Folders in the
-layout of LeRobot (`meta/info.json`, `data/`) are understood.
+layout of LeRobot (`meta/info.json`, `data/`), of ROS 2's bags and of YARP's logs are understood.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.experience.columns import KINDS, TEXT_KINDS
-from selftouch_drake.experience.recorded_file import (
-    Q_NAMES,
-    SENSATION_NAMES,
-    TIME_NAMES,
-    Recording,
-    Wanted,
-    in_order_of_numbers,
-    read_file,
-)
+from selftouch_drake.experience.choice import Wanted
+from selftouch_drake.experience.containers.contents import Contents
+from selftouch_drake.experience.containers.kinds import read_columns
+from selftouch_drake.experience.containers.lerobot import lerobot_names
+from selftouch_drake.experience.recorded import Recording
+from selftouch_drake.experience.recorded_file import recorded
+from selftouch_drake.experience.recorded_folder import files_of
 from selftouch_drake.experience.recording_error import RecordingError
+from selftouch_drake.experience.side_by_side import (
+    belonging_together,
+    columns_for,
+    side_by_side,
+)
 from selftouch_drake.experience.times import SECONDS_IN
-from selftouch_drake.experience.units import plain_form
 from selftouch_drake.experiment import shown
-from selftouch_drake.files import content_digest
-
-_KINDS_TEXT = "parquet, feather, csv, tsv, npz, npy or mat"
-# What others call their files.
-_HINTS = {
-    **dict.fromkeys((".xlsx", ".xls", ".ods"), "save it as csv"),
-    **dict.fromkeys((".h5", ".hdf5", ".pkl", ".pickle"), "save its arrays as npz"),
-    **dict.fromkeys((".bag", ".db3", ".mcap"), "export its topics as csv or parquet"),
-    **dict.fromkeys((".txt", ".dat", ".log"), "rename it to .csv, if it is a table"),
-    **dict.fromkeys((".gz", ".zip", ".zst", ".xz", ".7z"), "unpack it"),
-}
 
 
 def read_recording(
@@ -53,16 +42,17 @@ def read_recording(
     Args:
         source: a file of one of the `KINDS`, or a folder; in LeRobot's layout the files under
             `data` are read. In a folder of `.npy` files, those that differ only in the name of the
-            array (`walk1_q.npy`, `walk1_touch.npy`) belong together.
+            array (`walk1_q.npy`, `walk1_touch.npy`) belong together; and so do files of which some
+            hold joints and others the skin, by the numbers in their names.
         q: the columns of motor configurations, with an array or a number in each row, as names
             separated by commas, as FIRST..LAST, or as a pattern (`joint_*`), in the order of their
-            numbers. By
-            default the first of `Q_NAMES` that exists. In an archive, the arrays of `NAMES_OF` name
-            the joints and receptors, and arrays may be transposed.
+            numbers; in bags, topics. By default the first of `Q_NAMES` that exists, or topics that
+            can be nothing else. In an archive, the arrays of `NAMES_OF` name the joints and
+            receptors, and arrays may be transposed.
         sensation: the columns of raw readings, likewise; by default the first of `SENSATION_NAMES`.
         time: the column of times or dates; by default the first of `TIME_NAMES` that exists, if
             any; "none" for no time.
-        time_unit: s, ms, us or ns; by default what the name or, since 1970, the numbers say.
+        time_unit: s, ms, us or ns; by default what the name, the numbers or the speeds say.
         rows: conditions, as `COLUMN=VALUE` or `COLUMN=VALUE,VALUE`; rows that meet all are read.
         delimiter: between the columns of text; by default the one that the first line has most of.
 
@@ -75,7 +65,7 @@ def read_recording(
         raise RecordingError(
             f"--time-unit is {shown(time_unit)}; give one of {', '.join(SECONDS_IN)}"
         )
-    files, notes = _files(source)
+    files, notes = files_of(source)
     wanted = Wanted(
         q=q,
         sensation=sensation,
@@ -83,10 +73,11 @@ def read_recording(
         time_unit=time_unit,
         rows=rows,
         delimiter=delimiter,
-        named=_lerobot_names(source),
+        named=lerobot_names(source),
     )
-    parts = [read_file(path, wanted, number) for number, path in enumerate(files)]
-    _require_one_robot([group[0] for group in files], parts)
+    sources, parts = _read(source, files, wanted)
+    parts = [_in_order_of(parts[0], part) for part in parts]
+    _require_one_robot(sources, parts)
     joined = _joined(parts)
     joined = replace(joined, notes=tuple(dict.fromkeys([*notes, *joined.notes])))
     if rows and not joined.num_rows:
@@ -97,6 +88,67 @@ def read_recording(
             "record q and sensation in the same row"
         )
     return joined
+
+
+def _read(
+    source: Path, files: Sequence[Sequence[Path]], wanted: Wanted
+) -> tuple[list[Path], list[Recording]]:
+    """Each piece of a recording, and the file or folder that it is from."""
+    first = read_columns(files[0], wanted.delimiter)
+    if len(files) > 1 and not all(columns_for(first, str(files[0][0]), wanted).values()):
+        contents = [first, *(read_columns(group, wanted.delimiter) for group in files[1:])]
+        parts = _read_apart(source, [group[0] for group in files], contents, wanted)
+        if parts:
+            return [source] * len(parts), parts
+    sources = [group[0] if len(group) == 1 else group[0].parent for group in files]
+    parts = []
+    for number, (group, path) in enumerate(zip(files, sources, strict=True)):
+        contents_of_file = read_columns(group, wanted.delimiter) if number else first
+        parts.append(recorded(contents_of_file, path, wanted, number))
+    return sources, parts
+
+
+def _read_apart(
+    source: Path, paths: Sequence[Path], contents: Sequence[Contents], wanted: Wanted
+) -> list[Recording]:
+    """The pieces of a recording whose files hold joints or skin; none if these are not such."""
+    held = [columns_for(one, str(path), wanted) for one, path in zip(contents, paths, strict=True)]
+    groups = belonging_together(paths, held, source)
+    if groups is None:
+        return []
+    others = [path for path, one in zip(paths, held, strict=True) if not any(one.values())]
+    note = f"{len(others)} files hold neither joints nor skin: left out"
+    notes = (f"{note}, as {others[0].relative_to(source)}",) if others else ()
+    parts = []
+    for number, places in enumerate(groups):
+        joined = side_by_side(
+            [paths[place] for place in places], [contents[place] for place in places], wanted
+        )
+        part = recorded(joined, source, _found_already(wanted, joined), number)
+        parts.append(replace(part, notes=(*notes, *part.notes)))
+    return parts
+
+
+def _found_already(wanted: Wanted, joined: Contents) -> Wanted:
+    """The same wishes, with the columns that each file was found to have."""
+    evident = joined.evident
+    return replace(
+        wanted,
+        q=None if wanted.q is None else ",".join(evident["--q"]),
+        sensation=None if wanted.sensation is None else ",".join(evident["--sensation"]),
+        time="none" if wanted.time == "none" else None,
+    )
+
+
+def _in_order_of(first: Recording, part: Recording) -> Recording:
+    """A part whose joints and receptors are in the order of the first, if they have its names."""
+    found = part
+    for what, array in (("joints", "q"), ("receptors", "readings")):
+        names, own = getattr(first, what), getattr(part, what)
+        if own != names and len(set(names)) == len(names) and sorted(own) == sorted(names):
+            columns = [own.index(name) for name in names]
+            found = replace(found, **{what: names, array: getattr(found, array)[:, columns]})
+    return found
 
 
 def _require_one_robot(files: Sequence[Path], parts: Sequence[Recording]) -> None:
@@ -126,8 +178,8 @@ def _joined(parts: Sequence[Recording]) -> Recording:
             [part.row + first for part, first in zip(parts, first_rows, strict=False)]
         ),
         num_read=int(first_rows[-1]),
-        q=np.concatenate([part.q for part in parts]),
-        readings=np.concatenate([part.readings for part in parts]),
+        q=np.ascontiguousarray(np.concatenate([part.q for part in parts])),
+        readings=np.ascontiguousarray(np.concatenate([part.readings for part in parts])),
         time_s=np.concatenate(times) if len(times) == len(parts) else None,
         piece=np.concatenate([part.piece for part in parts]),
         num_rows=sum(part.num_rows for part in parts),
@@ -137,87 +189,3 @@ def _joined(parts: Sequence[Recording]) -> Recording:
         time_from=parts[0].time_from if len(times) == len(parts) else "",
         num_gaps=sum(part.num_gaps for part in parts),
     )
-
-
-def _files(source: Path) -> tuple[list[list[Path]], list[str]]:
-    """The files of a recording, in order, those of one piece of motion together; and notes."""
-    if source.is_file():
-        kind = source.suffix.lower()
-        if kind == ".npy":
-            raise RecordingError(
-                f"{source} holds one array; give the folder that holds those of joints and skin"
-            )
-        if kind not in KINDS:
-            remedy = _HINTS.get(kind, "convert it to one")
-            raise RecordingError(f"{source} is not a {_KINDS_TEXT} file; {remedy}")
-        return [[source]], []
-    if not source.is_dir():
-        raise FileNotFoundError(f"{source} does not exist; give a file or a folder")
-    folder = source / "data" if (source / "meta" / "info.json").is_file() else source
-    every = [path for path in folder.rglob("*") if path.suffix.lower() in KINDS and path.is_file()]
-    found = [path for path in every if not _is_left_behind(path.relative_to(folder))]
-    found.sort(key=lambda path: in_order_of_numbers(str(path.relative_to(folder))))
-    notes = []
-    if len(every) > len(found):
-        notes.append(f"{len(every) - len(found)} hidden files or copies of an editor are left out")
-    kinds = sorted({path.suffix.lower() for path in found})
-    if not found:
-        others = {path.suffix.lower() for path in folder.rglob("*") if path.is_file()} & {*_HINTS}
-        remedy = _HINTS[min(others)] if others else "give another folder"
-        raise RecordingError(f"{folder} holds no {_KINDS_TEXT} file; {remedy}")
-    if len(kinds) > 1 and not {*kinds} <= {*TEXT_KINDS}:
-        raise RecordingError(f"{folder} holds files of kinds {', '.join(kinds)}; give one kind")
-    if kinds == [".npy"]:
-        return _grouped(found), notes
-    contents = {path: content_digest(path) for path in found}
-    first_of = {contents[path]: path for path in reversed(found)}
-    copies = [path for path in found if first_of[contents[path]] != path]
-    if copies:
-        same = first_of[contents[copies[0]]]
-        notes.append(
-            f"{len(copies)} files are copies of others and left out, as {copies[0].name} of "
-            f"{same.name}"
-        )
-    return [[path] for path in found if path not in copies], notes
-
-
-def _is_left_behind(path: Path) -> bool:
-    """Whether a file is hidden, or a copy that an editor or a system keeps."""
-    return any(
-        part.startswith((".", "~$", "__MACOSX")) for part in path.parts
-    ) or path.stem.endswith("-checkpoint")
-
-
-def _grouped(found: list[Path]) -> list[list[Path]]:
-    """Arrays that belong together: of one folder and, if they share some, of one beginning."""
-    usual = sorted(
-        {plain_form(name) for name in (*Q_NAMES, *SENSATION_NAMES, *TIME_NAMES) if "#" not in name},
-        key=len,
-        reverse=True,
-    )
-    groups: dict[tuple[Path, str], list[Path]] = {}
-    for path in found:
-        form = plain_form(path.stem)
-        ending = next((name for name in usual if form == name or form.endswith(f"_{name}")), "")
-        beginning = form[: len(form) - len(ending)] if ending else ""
-        groups.setdefault((path.parent, beginning), []).append(path)
-    return list(groups.values())
-
-
-def _lerobot_names(source: Path) -> dict[str, list[str]]:
-    """LeRobot's names for the numbers of each column, where it has any."""
-    file = source / "meta" / "info.json"
-    if not file.is_file():
-        return {}
-    try:
-        features = json.loads(file.read_text(encoding="utf-8"))["features"]
-        names = {name: feature.get("names") for name, feature in features.items()}
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise RecordingError(f"{file} is damaged; write it again") from None
-    found = {}
-    for name, given in names.items():
-        # Some versions have a list, others a mapping with one list in it.
-        given = next(iter(given.values()), None) if isinstance(given, dict) else given
-        if isinstance(given, list):
-            found[name] = [str(one) for one in given]
-    return found

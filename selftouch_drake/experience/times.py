@@ -3,7 +3,6 @@
 Other people's clocks count in s, ms, us or ns, from zero or from 1970, or write dates.
 """
 
-import re
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,9 +10,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from selftouch_drake.experience.columns import Column, numbers_in
+from selftouch_drake.experience.columns import numbers_in
+from selftouch_drake.experience.containers.contents import Column
+from selftouch_drake.experience.dates import counted, written_dates
 from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.experience.store import one_chunk
+from selftouch_drake.experience.time_units import calendar_of, unit_by_speeds
 from selftouch_drake.experience.units import named
 
 #: Seconds in each unit that `--time-unit` takes.
@@ -36,10 +38,12 @@ class Times:
     Attributes:
         time_s: `(n,)` s; NaN where one is missing.
         note: what they were, if not seconds; else empty.
+        origin_s: s since 1970, or since whenever this clock began, at which `time_s` is 0.
     """
 
     time_s: np.ndarray
     note: str
+    origin_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,18 +65,33 @@ class InOrder:
     num_moved: int
 
 
-def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
+def in_seconds(
+    column: Column,
+    name: str,
+    what: str,
+    unit: str | None,
+    joints: np.ndarray | None = None,
+) -> Times:
     """A column of times in seconds; errors call it `what`.
 
-    The unit is `s`, `ms`, `us` or `ns`; by default that in the name or, since 1970, that of which
-    there are as many. Dates and times since 1970 are counted from the first row.
+    Args:
+        column: numbers or dates.
+        name: of the column, which may state a unit.
+        what: how errors call it.
+        unit: `s`, `ms`, `us` or `ns`; by default that in the name or, since 1970, that of which
+            there are as many, or the only one in which joints move neither too fast nor too slowly.
+        joints: `(n, J)` motor configurations of the same rows, if there are any.
+
+    Returns:
+        Dates and times since some year are counted from the first row.
 
     Raises:
         RecordingError: these are no times, or their unit cannot be known.
     """
     dates = _dates(column)
     if dates is not None:
-        return Times(time_s=_from_first(dates * 1e-9), note="dates")
+        counts, first_ns = dates
+        return Times(time_s=counts * 1e-9, note="dates", origin_s=first_ns * 1e-9)
     try:
         counts = numbers_in(column, what)
     except RecordingError:
@@ -93,14 +112,28 @@ def in_seconds(column: Column, name: str, what: str, unit: str | None) -> Times:
     if unit is None:
         unit = since_1970 or (stated.unit if stated.kind == "s" else None)
     factor = SECONDS_IN.get(unit or "s", stated.factor)
+    if unit is None and (calendar := calendar_of(there)):
+        seconds = (counts - there[0]).astype(float) * calendar.unit_s
+        return Times(time_s=seconds, note=calendar.note, origin_s=float(there[0]) * calendar.unit_s)
     if since_1970:
         first = there[0]
         wide = counts.astype(float) if counts.dtype.kind == "f" else counts.astype(np.int64)
         seconds = (wide - wide.dtype.type(first)).astype(float) * factor
-        return Times(time_s=seconds, note=f"{unit} since 1970")
+        return Times(time_s=seconds, note=f"{unit} since 1970", origin_s=float(first) * factor)
     seconds = counts.astype(float) * factor
     step = _median_step(seconds[np.isfinite(seconds)])
     if unit is None and step > _LONGEST_STEP_S:
+        found = (
+            None if joints is None else unit_by_speeds(seconds, joints, tuple(SECONDS_IN.items()))
+        )
+        if found is not None:
+            note = f"taken for {found}, in which alone the joints move as joints do"
+            return Times(time_s=seconds * SECONDS_IN[found], note=note)
+        if counts.dtype == np.float32 and np.mean(np.diff(there) == 0) > 0.5:
+            raise RecordingError(
+                f"{what} has times that are rounded to {step:g}, as 32 bits are too few: write 64, "
+                "or give --time none"
+            )
         raise RecordingError(
             f"{what} has steps of {step:g}, in an unknown unit: give --time-unit s, ms, us or ns, "
             "or --time none"
@@ -172,51 +205,28 @@ def _unit_since_1970(counts: np.ndarray) -> str | None:
     return None
 
 
-def _from_first(seconds: np.ndarray) -> np.ndarray:
-    there = seconds[np.isfinite(seconds)]
-    return seconds - there[0] if len(there) else seconds
+def _dates(column: Column) -> tuple[np.ndarray, int] | None:
+    """`(n,)` ns from the first date, NaN where one is missing, and ns of that since 1970.
 
-
-def _dates(column: Column) -> np.ndarray | None:
-    """`(n,)` ns since some day, NaN where one is missing; None if these are no dates."""
+    None if these are no dates.
+    """
     if isinstance(column, np.ndarray):
         if column.dtype.kind == "U":
-            return _written_dates(column.ravel())
+            return written_dates(column.ravel())
         if column.dtype.kind not in "Mm":
             return None
         unit = "datetime64[ns]" if column.dtype.kind == "M" else "timedelta64[ns]"
-        return _counted(column.ravel().astype(unit))
+        return counted(column.ravel().astype(unit))
     kind = column.type
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
-        return _written_dates(np.array(column.fill_null("").to_pylist(), dtype=str))
+        return written_dates(np.array(column.fill_null("").to_pylist(), dtype=str))
     if pa.types.is_time(kind):
-        wide = one_chunk(column).cast(pa.time64("ns")).cast(pa.int64())
-        return np.asarray(wide.to_numpy(zero_copy_only=False), dtype=float)
+        wide = one_chunk(column).cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
+        return counted(wide.to_numpy(zero_copy_only=False))
     if pa.types.is_timestamp(kind):
         column = pc.cast(column, pa.timestamp("ns", kind.tz))
     elif pa.types.is_duration(kind):
         column = pc.cast(column, pa.duration("ns"))
     else:
         return None
-    return _counted(one_chunk(column).to_numpy(zero_copy_only=False))
-
-
-def _counted(dates: np.ndarray) -> np.ndarray:
-    """`(n,)` ns from the first date that is there, as floats; NaN where one is missing."""
-    there = ~np.isnat(dates)
-    counts = np.full(len(dates), np.nan)
-    if there.any():
-        counts[there] = (dates[there] - dates[there][0]).astype(np.int64)
-    return counts
-
-
-def _written_dates(words: np.ndarray) -> np.ndarray | None:
-    """`(n,)` ns of dates or times of a day as text; None if they are none."""
-    texts = [re.sub(r"(Z|[+-]\d{2}:?\d{2}| UTC)$", "", word.strip()) for word in words.tolist()]
-    texts = [text.replace(",", ".").replace("/", "-") for text in texts]
-    if any(re.match(r"\d{1,2}:\d{2}", text) for text in texts):
-        texts = [f"1970-01-01T{text}" if text else "" for text in texts]
-    try:
-        return _counted(np.array([text or "NaT" for text in texts], dtype="datetime64[ns]"))
-    except ValueError:
-        return None
+    return counted(one_chunk(column).to_numpy(zero_copy_only=False))

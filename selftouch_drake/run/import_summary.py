@@ -1,19 +1,11 @@
 """What an import found, in the lines that an engineer would check."""
 
-from collections.abc import Iterator, Sequence
-
 import numpy as np
 
-from selftouch_drake.experience.recorded_file import Recording
+from selftouch_drake.experience.recorded import Recording
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.run.import_oddities import listed, oddities
 from selftouch_drake.run.imported import Data
-
-# Readings at their greatest value in more than this share of the touches are cut off there.
-_SATURATED = 0.02
-# s in which joints cross their range at a plausible speed: at most and at least.
-_CROSSING_S = (0.05, 3600.0)
-# Share of the rows that touch, of a usual recording.
-_TOUCHING = (0.002, 0.7)
 
 
 def summary(data: Data, experiment: Experiment) -> list[str]:
@@ -56,17 +48,11 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
             for name, values in recording.choices.items()
         ),
         recording.unused and f"not read: {listed(recording.unused)}",
-        *(f"odd: {what}" for what in _odd(data)),
+        *(f"odd: {what}" for what in oddities(data)),
         f"limits of plans: {_range(np.array(imported.max_velocity))} per second, "
         f"{_range(np.array(imported.max_acceleration))} per second²",
     ]
     return [line for line in found if isinstance(line, str)]
-
-
-def listed(names: Sequence[str]) -> str:
-    """How many names, and the first ones."""
-    more = f", ... {names[-1]}" if len(names) > 8 else ""
-    return f"{len(names)} ({', '.join(names[: 7 if more else 8])}{more})"
 
 
 def _range(values: np.ndarray) -> str:
@@ -82,10 +68,10 @@ def _time(recording: Recording) -> str:
     dt = np.diff(recording.time_s)[recording.follows]
     dt = dt[dt > 0]
     if not len(dt):
-        return f"time: column {recording.time_from}, which stands still{several}"
+        return f"time: {recording.time_from}, which stands still{several}"
     gaps = f", {recording.num_gaps:,} gaps" if recording.num_gaps else ""
     return (
-        f"time: {dt.sum():,.4g} s at {1 / np.median(dt):.4g} Hz, from column "
+        f"time: {dt.sum():,.4g} s at {1 / np.median(dt):.4g} Hz, from "
         f"{recording.time_from}{gaps}{several}"
     )
 
@@ -95,93 +81,3 @@ def _ranges(recording: Recording) -> str:
     ends = zip(recording.joints, recording.q.min(axis=0), recording.q.max(axis=0), strict=True)
     shown = [f"{name} {low:.3g} to {high:.3g}" for name, low, high in ends]
     return ", ".join(shown[:12]) + (", ..." if len(shown) > 12 else "")
-
-
-def _odd(data: Data) -> Iterator[str]:
-    """What looks odd, and what can be done."""
-    yield from _odd_joints(data)
-    yield from _odd_times(data)
-    yield from _odd_readings(data)
-
-
-def _odd_joints(data: Data) -> Iterator[str]:
-    recording = data.recording
-    q, names = recording.q.astype(float), recording.joints
-    if not data.felt.successive and len(q) >= 100:
-        yield (
-            "the joints jump from row to row, so rows do not count as successive in time: record "
-            "faster, or give the rows in order"
-        )
-    reach = np.ptp(q, axis=0)
-    whole = (q == np.round(q)).all(axis=0) & (reach > 50)
-    if whole.any():
-        yield f"{listed(_named(names, whole))} in whole numbers, as encoder ticks are"
-    turned = np.zeros(len(names), dtype=bool) if recording.turn is None else recording.turn > 0
-    if turned.any() and not any("within one turn" in note for note in recording.notes):
-        yield (
-            f"{listed(_named(names, turned))} begin again after a turn: plans do not cross the end"
-        )
-    degrees = ~whole & (reach > 4 * np.pi) & (np.abs(q).max(axis=0) <= 400)
-    if degrees.any():
-        yield (
-            f"{listed(_named(names, degrees))} reach {np.abs(q[:, degrees]).max():.3g}, as degrees "
-            "do; limits of plans are then in degrees too"
-        )
-    for one, name in enumerate(names):
-        copies = [n for n in range(one) if reach[one] > 0 and (q[:, n] == q[:, one]).all()]
-        if copies:
-            yield f"joint {name} repeats {names[copies[0]]}: name one of them by --q"
-    if len(names) > 64 or len(names) > len(recording.receptors):
-        yield (
-            f"{len(names)} joints and {len(recording.receptors)} receptors: are --q and "
-            "--sensation exchanged?"
-        )
-
-
-def _odd_times(data: Data) -> Iterator[str]:
-    recording = data.recording
-    if recording.time_s is None:
-        return
-    dt = np.diff(recording.time_s)[recording.follows]
-    if len(dt) and (repeated := int((dt == 0).sum())):
-        yield f"{repeated:,} rows have the time of the row before"
-    speeds = recording.speeds()
-    reach = np.ptp(recording.q.astype(float), axis=0)
-    if not len(speeds) or not (reach > 0).any():
-        return
-    fast = np.quantile(speeds, 0.99, axis=0)[reach > 0]
-    if not (fast > 0).any():
-        return
-    crossing = np.median(reach[reach > 0][fast > 0] / fast[fast > 0])
-    least, most = _CROSSING_S
-    if not least <= crossing <= most:
-        yield (
-            f"at their fastest, joints cross their range in {crossing:.3g} s: if the time is in "
-            "another unit, give --time-unit"
-        )
-
-
-def _odd_readings(data: Data) -> Iterator[str]:
-    recording, felt = data.recording, data.felt
-    readings = recording.readings
-    end = readings.max() if felt.baseline.rising else readings.min()
-    at_end = (readings[felt.rows] == end).any(axis=1)
-    if at_end.mean() > _SATURATED and len(np.unique(readings[felt.rows[:1000]])) > 8:
-        yield (f"readings end at {end:g} in {at_end.sum():,} touches, as if saturated: press less")
-    share = len(felt.rows) / max(len(readings), 1)
-    if not _TOUCHING[0] <= share <= _TOUCHING[1]:
-        yield f"{100 * share:.3g} % of the rows touch: check resting level and --threshold"
-    pressed = np.count_nonzero(felt.sensation, axis=0) / max(len(readings), 1)
-    typical = np.median(pressed[pressed > 0]) if (pressed > 0).any() else 0.0
-    restless = (pressed > 0.1) & (pressed > 10 * typical)
-    if restless.any():
-        yield (
-            f"{listed(_named(recording.receptors, restless))} pressed ten times as often as others"
-        )
-    num_all = int((np.count_nonzero(felt.sensation, axis=1) >= 0.9 * readings.shape[1]).sum())
-    if num_all > 0.5 * len(felt.rows) and readings.shape[1] >= 8:
-        yield f"{num_all:,} touches are felt by nearly all receptors: is this one signal?"
-
-
-def _named(names: Sequence[str], chosen: np.ndarray) -> list[str]:
-    return [names[number] for number in np.flatnonzero(chosen).tolist()]

@@ -14,7 +14,7 @@ from selftouch_drake.agent.readings.faults import (
     velocities,
 )
 from selftouch_drake.agent.readings.turns import wrapping
-from selftouch_drake.experience.recorded_file import Recording
+from selftouch_drake.experience.recorded import Recording
 from selftouch_drake.experience.recording_error import RecordingError
 
 

@@ -246,7 +246,8 @@ def test_incomplete_rows_are_left_out_and_counted(tmp_path):
         (
             {"q": Q, "touch": READINGS[:3]},
             {},
-            "a.npz has 4 rows of q and 3 of sensation; record them together",
+            "a.npz has 4 rows of q and 3 of sensation; record them together, or give each times of "
+            "its own",
         ),
         (
             {"q": Q, "touch": np.full((4, 12), "a")},
@@ -272,7 +273,7 @@ def test_what_cannot_be_used_is_refused(arrays, options, message, tmp_path, monk
 def test_folders_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere does not exist; give a file or a folder"):
         read_recording(tmp_path / "nowhere")
-    with pytest.raises(RecordingError, match=r"holds no parquet, .* file"):
+    with pytest.raises(RecordingError, match=r"holds no csv, .* file"):
         read_recording(tmp_path)
     np.savez(tmp_path / "a.npz", q=Q, touch=READINGS)
     np.savez(tmp_path / "b.npz", q=Q[:, :2], touch=READINGS)
@@ -284,10 +285,31 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
     (tmp_path / "d.parquet").write_bytes(b"PAR1 and no more")
     with pytest.raises(RecordingError, match=r"d\.parquet is damaged"):
         read_recording(tmp_path / "d.parquet")
-    (tmp_path / "notes.txt").write_text("q")
-    with pytest.raises(RecordingError, match=r"notes\.txt is not a parquet, .* file; rename it"):
-        read_recording(tmp_path / "notes.txt")
+    (tmp_path / "notes.md").write_text("q")
+    with pytest.raises(RecordingError, match=r"notes\.md is not a csv, .* file; convert it"):
+        read_recording(tmp_path / "notes.md")
     table = {"q": pa.array([[1.0], [1.0, 2.0]]), "touch": pa.array([[1], [1]])}
     pq.write_table(pa.table(table), tmp_path / "e.parquet")
     with pytest.raises(RecordingError, match="has arrays of length 1, but another length"):
         read_recording(tmp_path / "e.parquet")
+
+
+def test_columns_of_further_files_may_come_in_another_order(tmp_path):
+    for number, rows in enumerate((slice(0, 2), slice(2, 4))):
+        order = slice(None) if number == 0 else slice(None, None, -1)
+        names = np.array(["yaw", "pitch", "roll"])[order]
+        arrays = {"q": Q[rows][:, order], "joint_names": names, "touch": READINGS[rows]}
+        np.savez(tmp_path / f"{number}.npz", **arrays)
+    found = read_recording(tmp_path)
+    assert found.joints == ("yaw", "pitch", "roll")
+    np.testing.assert_array_equal(found.q, Q)
+
+
+def test_the_only_clock_is_the_time_whatever_its_name(tmp_path):
+    arrays = {"q": Q, "touch": READINGS, "ros_time": 100 + TIME_S, "contact_time": TIME_S[::-1]}
+    np.savez(tmp_path / "a.npz", **arrays)
+    found = read_recording(tmp_path / "a.npz")
+    np.testing.assert_allclose(found.time_s, 100 + TIME_S)
+    assert found.time_from == "column ros_time"
+    np.savez(tmp_path / "a.npz", **arrays, sim_time=TIME_S)
+    assert read_recording(tmp_path / "a.npz").time_s is None

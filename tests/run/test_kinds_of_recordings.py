@@ -14,62 +14,16 @@ import pyarrow.feather
 import pyarrow.parquet as pq
 import pytest
 from commands import selftouch
+from known_recording import NUM_JOINTS, NUM_RECEPTORS, NUM_ROWS, RATE_HZ, Good, require_same, said
 from scipy.io import savemat
 
-from benchmarks.shared.raw_skin import recorded
 from selftouch_drake.experience.recording_error import RecordingError
-from selftouch_drake.run.import_summary import summary
-from selftouch_drake.run.imported import imported_experiment, read_data
-
-NUM_ROWS, NUM_JOINTS, NUM_RECEPTORS = 3000, 4, 40
-SMALL = {"representation": {"num_targets": 50}}
-RATE_HZ = 50.0
-
-
-class Good:
-    """A recording of four joints and forty receptors whose touches are known."""
-
-    def __init__(self):
-        made = recorded(NUM_ROWS, NUM_RECEPTORS, rate_hz=RATE_HZ)
-        self.q = np.round(made.q[:, :NUM_JOINTS], 4)
-        self.force = np.round(100 * made.force.astype(float), 3)
-        self.time_s = np.round(np.arange(NUM_ROWS) / RATE_HZ, 3)
-        self.touching = self.force.any(axis=1)
-
-    def table(self, q=None, force=None, **others):
-        """A data frame with usual names, other columns first."""
-        q, force = self.q if q is None else q, self.force if force is None else force
-        columns = others or {"time_s": self.time_s}
-        columns |= {f"q_{joint}": q[:, joint] for joint in range(q.shape[1])}
-        columns |= {f"taxel_{n}": force[:, n] for n in range(force.shape[1])}
-        return pd.DataFrame(columns)
+from selftouch_drake.run.imported import read_data
 
 
 @pytest.fixture(scope="module")
 def good():
     return Good()
-
-
-def require_same(good, source, *, rows=None, **options):
-    """The touches of a source are those of the good recording, at most of its rows."""
-    data = read_data(source, **options)
-    rows = np.arange(NUM_ROWS) if rows is None else rows
-    touching = rows[good.touching[rows]]
-    assert len(data.recording.q) == len(rows)
-    assert data.recording.q.shape[1] == NUM_JOINTS
-    np.testing.assert_allclose(data.felt.q, good.q[touching], atol=2e-6)
-    np.testing.assert_allclose(data.felt.sensation, good.force[touching], atol=1e-4)
-    if options.get("time") != "none":
-        limits = imported_experiment(data, overrides=SMALL).imported.max_velocity
-        steps = np.abs(np.diff(good.q, axis=0)) * RATE_HZ
-        np.testing.assert_allclose(limits, np.quantile(steps, 0.99, axis=0), rtol=0.03)
-    else:
-        assert data.recording.time_s is None
-    return data
-
-
-def said(data):
-    return "\n".join(summary(data, imported_experiment(data, overrides=SMALL)))
 
 
 # What must not matter: how the same numbers are written as text.
@@ -245,10 +199,10 @@ def test_the_format_does_not_matter(kind, good, tmp_path):
 @pytest.mark.parametrize(
     ("name", "remedy"),
     [
-        ("a.h5", "save its arrays as npz"),
+        ("a.pkl", "save its arrays as npz"),
         ("a.bag", "export its topics"),
         ("a.xlsx", "save it as csv"),
-        ("a.txt", "rename it"),
+        ("a.log", "rename it"),
         ("a.npy", "give the folder"),
     ],
 )
@@ -324,20 +278,26 @@ def test_stamps_in_two_columns_are_one_time(good, tmp_path):
 
 
 def test_a_time_in_an_unknown_unit_is_refused(good, tmp_path):
-    path = as_text(good.table(time=1000 * good.time_s), tmp_path / "a.csv")
+    path = as_text(good.table(time=good.time_s / 0.02), tmp_path / "a.csv")
     found = selftouch("import", path, "--out", tmp_path / "run")
     assert found.status == 2
     assert "column time of" in found.stderr
-    assert "has steps of 20, in an unknown unit: give --time-unit s, ms, us or ns" in found.stderr
-    require_same(good, path, time_unit="ms")
-    # 1 kHz, and a computer that was started half an hour ago.
-    for column in (np.arange(NUM_ROWS), (1e6 * (good.time_s + 1800)).astype(int)):
-        as_text(good.table(stamp=column), path)
-        with pytest.raises(RecordingError, match="in an unknown unit: give --time-unit"):
-            read_data(path)
-    require_same(good, path, time_unit="us")
-    as_text(good.table(time=1000 * good.time_s), path)
+    # 1 Hz, or 1 kHz.
+    assert "has steps of 1, in an unknown unit: give --time-unit s, ms, us or ns" in found.stderr
     assert read_data(path, time="none").recording.time_s is None
+    # Postures that were recorded one by one, and not from row to row.
+    order = np.random.default_rng(0).permutation(NUM_ROWS)
+    path = as_text(good.table(q=good.q[order], time=20 * np.arange(NUM_ROWS)), tmp_path / "a.csv")
+    with pytest.raises(RecordingError, match="in an unknown unit: give --time-unit"):
+        read_data(path)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_unit_is_known_where_joints_move_as_joints_do_in_one_alone(unit, factor, good, tmp_path):
+    counts = (factor * (good.time_s + 1800)).round().astype(np.int64)
+    path = as_text(good.table(stamp=counts), tmp_path / "a.csv")
+    assert f"stamp, taken for {unit}, in which alone" in said(require_same(good, path))
+    require_same(good, path, time_unit=unit)
 
 
 def test_a_time_that_is_none_is_refused_or_left_out(good, tmp_path):

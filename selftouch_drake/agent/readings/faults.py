@@ -290,12 +290,13 @@ def velocities(q: np.ndarray, follows: np.ndarray, time_s: np.ndarray | None) ->
         return found
     for places, speeds, others in orders:
         a, b = steps[:, places], middle[:, speeds]
-        scale = a.std(axis=0) * b.std(axis=0)
-        if (scale == 0).all():
+        # Rounding gives the standard deviation of a joint that stands still another value than 0.
+        alive = (np.ptp(a, axis=0) > 0) & (np.ptp(b, axis=0) > 0)
+        if not alive.any():
             continue
-        alive = scale > 0
         a, b = a[:, alive], b[:, alive]
-        alike = ((a - a.mean(axis=0)) * (b - b.mean(axis=0))).mean(axis=0) / scale[alive]
+        scale = a.std(axis=0) * b.std(axis=0)
+        alike = ((a - a.mean(axis=0)) * (b - b.mean(axis=0))).mean(axis=0) / scale
         ratio = a.std(axis=0) / b.std(axis=0)
         one_ratio = ratio.max() < 1.25 * ratio.min() and alive.sum() > 1
         in_time = time_s is not None and bool((np.abs(ratio - 1.0) < 0.1).all())

@@ -1,12 +1,13 @@
 """Tables as text, as other people's tools write them: CSV, TSV, the files of `numpy.savetxt`.
 
 What is understood: comments and blanks before the header, no header at all, a row of units below
-it, commas at the end of a row, decimal commas, lists in cells, UTF-16, and single rows that are
-broken.
+it, commas at the end of a row, decimal commas, lists in cells, UTF-16, gzip, and single rows that
+are broken.
 """
 
 import codecs
 import csv
+import gzip
 import io
 import re
 from collections.abc import Sequence
@@ -27,6 +28,8 @@ _DELIMITERS = "\t;|, "
 _HEAD = 262_144
 _COMMENTS = ("#", "%")
 _NUMBER = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
+# With points for decimals, commas may stand between thousands.
+_THOUSANDS = r"\s*[-+]?\d{1,3}(,\d{3})+(\.\d*)?\s*"
 _DECIMAL_COMMA = r"\s*[-+]?\d+(,\d+)?([eE][-+]?\d+)?\s*"
 # A decimal point, in a number or a list of numbers; dates have others.
 _POINT = r"(^|[\s\[(,;])[-+]?\d+\.\d"
@@ -73,11 +76,11 @@ def read_text_table(path: Path, delimiter: str | None) -> TextTable:
 
     Raises:
         RecordingError: the delimiter is more than one character, or rows do not fit the header.
-        pa.ArrowException, OSError, UnicodeDecodeError: it cannot be read.
+        pa.ArrowException, OSError, EOFError, zlib.error, UnicodeDecodeError: it cannot be read.
     """
     if delimiter is not None and len(delimiter) != 1:
         raise RecordingError(f"--delimiter is {shown(delimiter)}; give one character, such as ;")
-    content = _as_utf8(path)
+    content = _unpacked(path)
     with path.open("rb") if content is None else io.BytesIO(content) as file:
         head = file.read(_HEAD)
         form = _form_of(path, head.decode("utf-8", errors="replace"), delimiter)
@@ -87,18 +90,28 @@ def read_text_table(path: Path, delimiter: str | None) -> TextTable:
             source = io.BytesIO(b"\n".join(b" ".join(line.split()) for line in file))
         table, num_broken = _rows(path, source, form, quotes=b'"' in head)
     columns, notes = _mended(table)
+    names = list(form.names)
+    if not names[0] and "time" not in names and pa.types.is_timestamp(columns[0].type):
+        # pandas writes an index of dates without a name.
+        names[0] = "time"
     return TextTable(
-        names=form.names, columns=tuple(columns), num_broken=num_broken, notes=form.notes + notes
+        names=tuple(names), columns=tuple(columns), num_broken=num_broken, notes=form.notes + notes
     )
 
 
-def _as_utf8(path: Path) -> bytes | None:
-    """The text of a file in UTF-16, as a spreadsheet writes it, in UTF-8; None for other files."""
+def _unpacked(path: Path) -> bytes | None:
+    """The text in UTF-8 of a packed file or one in UTF-16, of a spreadsheet; None for others."""
     with path.open("rb") as file:
         start = file.read(4)
-    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return path.read_bytes().decode("utf-16").encode()
-    return None
+    packed = start.startswith(b"\x1f\x8b")
+    content = gzip.decompress(path.read_bytes()) if packed else None
+    if start.startswith(b"sep=") or "\N{MINUS SIGN}".encode() in path.read_bytes()[:_HEAD]:
+        # What a spreadsheet and a typesetter add.
+        content = path.read_bytes().replace("\N{MINUS SIGN}".encode(), b"-")
+        return re.sub(rb"^sep=.[\r\n]+", b"", content)
+    if (content or start).startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return (content or path.read_bytes()).decode("utf-16").encode()
+    return content
 
 
 def _form_of(path: Path, head: str, delimiter: str | None) -> _Form:
@@ -106,17 +119,21 @@ def _form_of(path: Path, head: str, delimiter: str | None) -> _Form:
     lines = head.splitlines(keepends=True)
     first = 0
     while first < len(lines) and (
-        not lines[first].strip() or lines[first].lstrip("\ufeff \t").startswith(_COMMENTS)
+        _is_blank(lines[first]) or lines[first].lstrip("\ufeff \t").startswith(_COMMENTS)
     ):
         first += 1
+    above = _lines_above(lines[first:])
+    first += above
     if first == len(lines):
         raise RecordingError(f"{path} has no rows; record some, or leave it out")
-    comments = [line.lstrip("\ufeff \t#%") for line in lines[:first] if line.strip()]
-    following = [line for line in lines[first + 1 : first + 20] if line.strip()]
+    comments = [line.lstrip("\ufeff \t#%") for line in lines[:first] if not _is_blank(line)]
+    following = [line for line in lines[first + 1 : first + 20] if not _is_blank(line)]
     top = lines[first].lstrip("\ufeff")
     delimiter = delimiter or _delimiter(top, following)
     cells = _cells(top, delimiter)
     notes: tuple[str, ...] = ()
+    if above:
+        notes = (f"{path.name} has {above} lines above its header: left out",)
     if _are_names(cells):
         names, rows_from = cells, first + 1
         below = _cells(following[0], delimiter) if following else []
@@ -134,11 +151,34 @@ def _form_of(path: Path, head: str, delimiter: str | None) -> _Form:
             names, rows_from, following = cells, first + 1, following[1:]
         if not any(names):
             names = [f"column_{number}" for number in range(len(cells))]
-            notes = (f"{path.name} has no header: its columns are called column_0, column_1, ...",)
+            note = f"{path.name} has no header: its columns are called column_0, column_1, ..."
+            notes = (*notes, note)
     width = len(_cells(following[0], delimiter)) if following else len(names)
     names = [*names, *[""] * (width - len(names))]
     start = len("".join(lines[:rows_from]).encode())
     return _Form(delimiter=delimiter, names=tuple(names), start=start, notes=notes)
+
+
+def _is_blank(line: str) -> bool:
+    """Whether a line is empty, or has empty cells alone, as a spreadsheet writes it."""
+    return not line.strip("\ufeff\r\n" + _DELIMITERS)
+
+
+def _lines_above(lines: Sequence[str]) -> int:
+    """How many lines without a sign of comment stand above the header, such as `Robot: iCub`.
+
+    They have less than half as many cells as the rows further down, and no rows among them.
+    """
+    sample = [(number, line) for number, line in enumerate(lines[:60]) if not _is_blank(line)]
+    # Lines with one quotation mark are parts of a cell.
+    if len(sample) < 4 or any(line.count('"') % 2 for _, line in sample):
+        return 0
+    delimiter = _delimiter(sample[-2][1], [sample[-3][1]])
+    counts = [sum(map(bool, _cells(line, delimiter))) for _, line in sample]
+    usual = counts[-2]
+    if usual < 4 or 2 * counts[0] >= usual:
+        return 0
+    return next(number for (number, _), n in zip(sample, counts, strict=True) if 2 * n >= usual)
 
 
 def _delimiter(top: str, following: Sequence[str]) -> str:
@@ -245,7 +285,8 @@ def _mended(table: pa.Table) -> tuple[list[pa.ChunkedArray], tuple[str, ...]]:
             if found.null_count > column.null_count:
                 notes.append("words among numbers count as missing")
             if pc.any(pc.match_substring(column, ",")).as_py():
-                notes.append("numbers have a decimal comma")
+                how = "commas between thousands" if points else "a decimal comma"
+                notes.append(f"numbers have {how}")
     return columns, tuple(dict.fromkeys(notes))
 
 
@@ -253,10 +294,11 @@ def _as_numbers(column: pa.ChunkedArray, *, commas: bool) -> pa.ChunkedArray:
     """Text as numbers, if nearly all cells are numbers; else the column as it is."""
     if not pa.types.is_string(column.type):
         return column
-    fits = pc.match_substring_regex(column, f"^({_DECIMAL_COMMA if commas else _NUMBER})$")
+    usual = _DECIMAL_COMMA if commas else f"{_NUMBER}|{_THOUSANDS}"
+    fits = pc.match_substring_regex(column, f"^({usual})$")
     num_there = len(column) - column.null_count
     num_fits = pc.sum(pc.cast(fits, pa.int64())).as_py() or 0
     if num_fits < max((1 - _FEW) * num_there, 1):
         return column
     cells = pc.if_else(fits, pc.utf8_trim_whitespace(column), pa.scalar(None, pa.string()))
-    return pc.replace_substring(cells, ",", ".").cast(pa.float64())
+    return pc.replace_substring(cells, ",", "." if commas else "").cast(pa.float64())
