@@ -19,7 +19,7 @@ from selftouch_drake.experiment import Experiment, ExperimentError, Skin
 from selftouch_drake.experiment.receptor_files import ReceptorTable
 from selftouch_drake.experiment.schema import SHAPES
 from selftouch_drake.geometry import surfaces
-from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.closing import RepairedWarning, SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.hollow import HollowSkin, hollow_skin
 from selftouch_drake.geometry.receptors import (
     ReceptiveFields,
@@ -260,14 +260,17 @@ def _outer_surface(
     """The closed outer surface that is described, in the frame of `link`."""
     wanted = skin.surface
     if wanted.shape in _ROLES or wanted.shape == "receptors":
-        with warnings.catch_warnings(record=True) as simplified:
+        with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", SimplifiedWarning)
+            warnings.simplefilter("always", RepairedWarning)
             surface = closed_surface(
                 _pieces(skin, link, plant, scene_graph),
                 resolution=wanted.resolution,
                 thickness=skin.thickness,
+                # The hull of receptors has edges that the robot has not.
+                sharp=wanted.shape != "receptors",
             )
-        for warning in simplified:
+        for warning in said:
             warnings.warn(f"skins.{name}.{warning.message}", warning.category, stacklevel=2)
     elif wanted.shape == "mesh":
         surface = surfaces.mesh_file(
