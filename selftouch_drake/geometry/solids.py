@@ -71,12 +71,12 @@ def closed_pieces(pieces: Sequence[trimesh.Trimesh]) -> Pieces:
         holes += num_rims
         loose += is_hull
         if lidded.is_winding_consistent:
-            inverted += lidded.volume < 0
+            inverted += int(lidded.volume < 0)
         for body in lidded.split(only_watertight=False):
             before = body.faces.copy()
             body.fix_normals(multibody=False)
             if not is_hull and not lidded.is_winding_consistent:
-                flipped += int((body.faces != before).any(axis=1).sum())
+                flipped += int(np.count_nonzero((body.faces != before).any(axis=1)))
             bodies.append(body)
     if not closed:
         raise ValueError("surface has no triangles; choose a shape, or another link")

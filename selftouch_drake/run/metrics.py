@@ -79,6 +79,9 @@ _TILES = {
     "shape_expected_error": "expected by the agent",
     "shape_trusted": "trusted",
     "parts_found": "parts",
+    "parts_doubt": "number of parts not sure",
+    "kernels_in_fragments": "kernels on fragments",
+    "skins_not_recovered": "skins touched, not recovered",
     "topology_betti": "components, loops, voids",
     "topology_betti_by_part": "components, loops, voids by part",
     "intrinsic_dimension": "dimension",
@@ -133,7 +136,15 @@ def metric_texts(metrics: Mapping[str, Any]) -> dict[str, list[MetricText]]:
 
 def tiles(metrics: Mapping[str, Any]) -> list[MetricText]:
     """What the agent of a run knows of its body, as far as it is known."""
-    return [_metric_text(BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
+    return [
+        _metric_text(BY_KEY[k], metrics, _tile_name(k, metrics)) for k in _TILES if k in metrics
+    ]
+
+
+def _tile_name(key: str, metrics: Mapping[str, Any]) -> str:
+    """What summarises a run in a few words; of one part, nothing is `by part`."""
+    one = key.endswith("_by_part") and len(metrics[key]) == 1
+    return _TILES[key.removesuffix("_by_part") if one else key]
 
 
 def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
@@ -157,7 +168,7 @@ def _text(value: Any, unit: str) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_text(entry, unit)}" for name, entry in value.items())
     if isinstance(value, list):
-        nested = any(isinstance(entry, list) for entry in value)
+        nested = any(isinstance(entry, list | str) for entry in value)
         return ("; " if nested else ", ").join(_text(entry, unit) for entry in value)
     if isinstance(value, bool):
         return "yes" if value else "no"

@@ -65,6 +65,20 @@ def test_numbers_are_read_with_their_units():
     assert metric_texts({}) == {}
 
 
+def test_of_one_part_nothing_is_by_part_and_doubts_are_in_the_headline():
+    doubt = "part 0 counts as one, but its places fall into 2 pieces"
+    metrics = {
+        "parts_found": 1,
+        "parts_doubt": [doubt],
+        "topology_betti_by_part": [[2, 0, 1]],
+    }
+    assert [(t.name, t.value) for t in tiles(metrics)] == [
+        ("parts", "1"),
+        ("number of parts not sure", doubt),
+        ("components, loops, voids", "2, 0, 1"),
+    ]
+
+
 def test_the_headline_shows_what_there_is():
     assert tiles({}) == motions({}) == []
     metrics = {
