@@ -47,6 +47,8 @@ _AREA_KEPT, _VOLUME_KEPT = 0.98, 0.9
 # of a surface of flat triangles grows with the square of their edges.
 _FINER, _AIM = 3, 0.015
 
+# Rounds of repairing the wall below a sharp surface: more take seconds, and hardly ever help.
+_SHARP_MENDINGS = 3
 # A triangle with less than this share of the mean area is flat.
 _FLAT = 1e-6
 # Detail of sharp geometry below this share of the edge length is left out.
@@ -137,6 +139,7 @@ def _sharp_surface(
     area, edge = solid.surface_area(), resolution
     if area / _equilateral_area(resolution) > _MOST_CELLS:
         return None
+    misfits = 0
     for _ in range(1 + _FINER):
         plain = solid.simplify(_DETAIL * edge)
         if _num_sharp(plain) > _MOST_DETAIL * area / _equilateral_area(edge) + _SOME_DETAIL:
@@ -144,7 +147,12 @@ def _sharp_surface(
         surface = even_triangles(from_manifold(plain), edge)
         lost = 1 - surface.area / area
         if lost <= 1 - _AREA_KEPT:
-            return surface if _is_sound(surface, thickness) else None
+            if _is_sound(surface, thickness):
+                return surface
+            # A skin that does not fit under coarse triangles may fit under finer ones.
+            misfits += 1
+            if misfits == 2:
+                return None
         edge *= np.clip(math.sqrt(_AIM / max(lost, 1e-9)), 0.5, 0.7)
     return None
 
@@ -160,7 +168,7 @@ def _is_sound(surface: trimesh.Trimesh, thickness: float) -> bool:
     if not thickness:
         return first_self_intersection(surface.vertices, surface.faces) is None
     try:
-        hollow_skin(surface, thickness, mendings=0)
+        hollow_skin(surface, thickness, mendings=_SHARP_MENDINGS)
     except ValueError:
         return False
     return True
