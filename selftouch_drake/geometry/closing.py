@@ -1,7 +1,8 @@
 """Turns the geometry of a link into one closed surface that can wear a skin.
 
-The volume that the geometry encloses becomes a depth field on a grid, is rounded by rolling balls,
-and triangulated evenly.
+Geometry with sharp edges is united exactly, and keeps them. Where that gives no surface that a skin
+fits under, and where all is round, the volume that the geometry encloses becomes a depth field on a
+grid, is rounded by rolling balls, and triangulated evenly.
 """
 
 import math
@@ -13,11 +14,18 @@ from typing import Self
 
 import manifold3d
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.geodesics import neighbouring_vertices
 from selftouch_drake.geometry.hollow import hollow_skin, point_text
-from selftouch_drake.geometry.triangles import sample_triangles
+from selftouch_drake.geometry.remeshing import SHARP, even_triangles, has_sharp_edges
+from selftouch_drake.geometry.solids import (
+    DEBRIS,
+    Pieces,
+    closed_pieces,
+    from_manifold,
+)
+from selftouch_drake.geometry.triangles import first_self_intersection, sample_triangles
 from selftouch_drake.lazy import ndimage, trimesh
 
 # In units of the resolution: the cells of the grid, so small that their steps do not show.
@@ -33,14 +41,21 @@ _ROOM = 1.25
 # Factors on the balls' radii in further tries: triangles follow the surface only in steps.
 _WIDER = (1.3, 1.6)
 
-# A detached part with less than this share of the volume is debris of the drawing.
-_DEBRIS = 0.01
+# Share of the area and of the volume that a surface must keep; otherwise the user is warned.
+_AREA_KEPT, _VOLUME_KEPT = 0.98, 0.9
+# Tries to keep the area of round geometry by shorter edges, and the loss that they aim at. The loss
+# of a surface of flat triangles grows with the square of their edges.
+_FINER, _AIM = 3, 0.015
 
-# An open piece is a sheet if, closed by lids, it encloses less than this share of its convex hull.
-_SHEET = 0.1
-
-# Share of the volume that a surface must keep; below it, the user is warned.
-_MOSTLY_KEPT = 0.9
+# Rounds of repairing the wall below a sharp surface: more take seconds, and hardly ever help.
+_SHARP_MENDINGS = 3
+# A triangle with less than this share of the mean area is flat.
+_FLAT = 1e-6
+# Detail of sharp geometry below this share of the edge length is left out.
+_DETAIL = 0.01
+# A sharp surface has at most as many sharp edges as this share of the triangles that its area
+# needs, and some more: a mesh with more has detail that such triangles cannot show.
+_MOST_DETAIL, _SOME_DETAIL = 1, 1000
 
 # Most cells of a grid: about 600 MB.
 _MOST_CELLS = 2e7
@@ -56,36 +71,140 @@ class SimplifiedWarning(UserWarning):
     """A surface has less detail than the mesh it was made from."""
 
 
-def closed_surface(
-    pieces: Sequence[trimesh.Trimesh], *, resolution: float = 0.02, thickness: float = 0.0
-) -> trimesh.Trimesh:
-    """Makes one closed, evenly triangulated surface around pieces that overlap or touch.
+class RepairedWarning(UserWarning):
+    """The mesh that a surface was made from had holes, or faced inwards."""
 
-    This is the outer surface of all pieces together: cavities are filled. Two balls with a radius
-    of 0.7 times the resolution roll over it. The outer one closes gaps that it does not fit into.
-    The inner one rounds edges, and removes parts thinner than itself. For a thick skin its radius
-    is at least 1.25 times the thickness, so that the skin fits. An open piece gets lids over its
-    rims; if it still encloses next to nothing, its convex hull replaces it.
+
+def closed_surface(
+    pieces: Sequence[trimesh.Trimesh],
+    *,
+    resolution: float = 0.02,
+    thickness: float = 0.0,
+    sharp: bool = True,
+) -> trimesh.Trimesh:
+    """Makes one closed surface around pieces that overlap or touch, with the area that they have.
+
+    This is the outer surface of all pieces together: cavities are filled. An open piece gets lids
+    over its rims; if it still encloses next to nothing, its convex hull replaces it. Pieces that
+    face inwards are turned.
+
+    Sharp edges stay sharp. Round geometry is triangulated evenly, with shorter edges where the
+    area asks for them. Both lose at most 2 % of the area.
+
+    Otherwise the surface is rounded, and the user is told what that costs: where the skin would not
+    fit, where pieces do not quite touch, where the mesh has much finer detail than the resolution.
+    Two balls with a radius of 0.7 times the resolution roll over it. The outer one closes gaps that
+    it does not fit into. The inner one rounds edges, and removes parts thinner than itself. For a
+    thick skin its radius is at least 1.25 times the thickness, so that the skin fits.
 
     Args:
         pieces: In the link's frame, m: primitives or meshes with triangles of any size, nested or
             overlapping.
-        resolution: m, edge length of the triangles; their mean is 0.8 to 1 times as long.
+        resolution: m, edge length of the triangles; the mean is 0.7 to 1 times as long, and
+            shorter on round geometry that is small.
         thickness: m, of the skin that must fit under the surface; 0 without skin.
+        sharp: Whether to keep sharp edges and area; False to round in any case.
 
     Raises:
         ValueError: If the pieces have no triangles, do not touch each other, are thinner than the
             ball everywhere, or the resolution is too fine for their size.
 
     Warns:
-        SimplifiedWarning: If more than a tenth of the volume was removed.
+        SimplifiedWarning: If more than 2 % of the area or a tenth of the volume was lost.
+        RepairedWarning: If the pieces had holes, or faced inwards.
     """
     if not (math.isfinite(resolution) and resolution > 0):
         raise ValueError(f"surface.resolution is {resolution}; give a positive length in metres")
-    closed = [_closed_triangles(piece) for piece in pieces if len(piece.faces)]
-    if not closed:
-        raise ValueError("surface has no triangles; choose a shape, or another link")
-    triangles = np.concatenate(closed)
+    closed = closed_pieces(pieces)
+    if closed.remarks:
+        warnings.warn(f"surface: {'; '.join(closed.remarks)}", RepairedWarning, stacklevel=2)
+    solid = closed.solid if sharp else None
+    if solid is None:
+        surface, share = _fitting_surface(closed.triangles, resolution, thickness)
+    elif not has_sharp_edges(from_manifold(solid)):
+        surface, share = _round_surface(closed, resolution, thickness)
+    else:
+        exact = _sharp_surface(solid, resolution, thickness)
+        if exact is not None:
+            return exact
+        surface, share = _fitting_surface(closed.triangles, resolution, thickness)
+    _warn_of_loss(surface, share, closed.area if sharp else None, resolution, thickness)
+    return surface
+
+
+def _sharp_surface(
+    solid: manifold3d.Manifold, resolution: float, thickness: float
+) -> trimesh.Trimesh | None:
+    """The surface of a solid with its edges; None if it has too much detail, or no skin fits."""
+    area, edge = solid.surface_area(), resolution
+    if area / _equilateral_area(resolution) > _MOST_CELLS:
+        return None
+    misfits = 0
+    for _ in range(1 + _FINER):
+        plain = solid.simplify(_DETAIL * edge)
+        if _num_sharp(plain) > _MOST_DETAIL * area / _equilateral_area(edge) + _SOME_DETAIL:
+            return None
+        surface = even_triangles(from_manifold(plain), edge)
+        lost = 1 - surface.area / area
+        if lost <= 1 - _AREA_KEPT:
+            if _is_sound(surface, thickness):
+                return surface
+            # A skin that does not fit under coarse triangles may fit under finer ones.
+            misfits += 1
+            if misfits == 2:
+                return None
+        edge *= np.clip(math.sqrt(_AIM / max(lost, 1e-9)), 0.5, 0.7)
+    return None
+
+
+def _num_sharp(solid: manifold3d.Manifold) -> int:
+    return int((from_manifold(solid).face_adjacency_angles > SHARP).sum())
+
+
+def _is_sound(surface: trimesh.Trimesh, thickness: float) -> bool:
+    """Whether a surface is closed, does not cross itself, and a skin fits under it."""
+    if not surface.is_volume or surface.area_faces.min() <= _FLAT * surface.area_faces.mean():
+        return False
+    if not thickness:
+        return first_self_intersection(surface.vertices, surface.faces) is None
+    try:
+        hollow_skin(surface, thickness, mendings=_SHARP_MENDINGS)
+    except ValueError:
+        return False
+    return True
+
+
+def _equilateral_area(edge: float) -> float:
+    return math.sqrt(3) / 4 * edge**2
+
+
+def _round_surface(
+    closed: Pieces, resolution: float, thickness: float
+) -> tuple[trimesh.Trimesh, float]:
+    """The even surface of round pieces, with edges so short that it keeps their area."""
+    edge, best, refusal = resolution, None, None
+    for _ in range(1 + _FINER):
+        try:
+            best = surface, _ = _fitting_surface(closed.triangles, edge, thickness)
+        except ValueError as error:
+            if best is not None:
+                break
+            refusal, edge = error, edge / 2  # It may be too thin for edges of this length only.
+            continue
+        lost = 0.0 if closed.area is None else 1 - surface.area / closed.area
+        if lost <= 1 - _AREA_KEPT:
+            break
+        edge *= max(math.sqrt(_AIM / lost), 0.5)
+    if best is None:
+        assert refusal is not None
+        raise refusal
+    return best
+
+
+def _fitting_surface(
+    triangles: np.ndarray, resolution: float, thickness: float
+) -> tuple[trimesh.Trimesh, float]:
+    """The rounded surface that a skin fits under, and the share of the volume that it keeps."""
     surface, share = _rounded_surface(triangles, resolution, thickness, 1.0)
     for wider in _WIDER if thickness else ():
         with suppress(ValueError):
@@ -95,15 +214,28 @@ def closed_surface(
             surface, share = _rounded_surface(triangles, resolution, thickness, wider)
         except ValueError:
             break  # More rounding would split the surface.
-    if share < _MOSTLY_KEPT:
-        skin = f" and a skin of {thickness:g} m" if thickness else ""
-        warnings.warn(
-            f"surface keeps {share:.0%} of the volume of the link's geometry: the rest is in parts "
-            f"too thin for triangles of {resolution:g} m{skin}",
-            SimplifiedWarning,
-            stacklevel=2,
-        )
-    return surface
+    return surface, share
+
+
+def _warn_of_loss(
+    surface: trimesh.Trimesh,
+    share: float,
+    area: float | None,
+    resolution: float,
+    thickness: float,
+) -> None:
+    kept = 1.0 if area is None else surface.area / area
+    if share >= _VOLUME_KEPT and kept >= _AREA_KEPT:
+        return
+    skin = f" and a skin of {thickness:g} m" if thickness else ""
+    of_area = "" if area is None else f" and {kept:.0%} of the area"
+    warnings.warn(
+        f"surface keeps {share:.0%} of the volume{of_area} of the link's geometry: the rest is in "
+        f"edges and parts too thin for triangles of {resolution:g} m{skin}; give a finer "
+        f"surface.resolution{', or a thinner skin' if thickness else ''}",
+        SimplifiedWarning,
+        stacklevel=3,
+    )
 
 
 def _rounded_surface(
@@ -121,7 +253,7 @@ def _rounded_surface(
             "a thinner skin"
         )
     volume = np.bincount(label.ravel())[1:]
-    large = 1 + np.flatnonzero(volume >= _DEBRIS * volume.sum())
+    large = 1 + np.flatnonzero(volume >= DEBRIS * volume.sum())
     if len(large) > 1:
         centres = ndimage.center_of_mass(label > 0, label, large[:2])
         near = " and ".join(point_text(solid.origin + solid.cell * np.array(c)) for c in centres)
@@ -132,32 +264,6 @@ def _rounded_surface(
         )
     solid.depth[(label != large[0]) & (label > 0)] = -resolution
     return triangulated(solid, resolution), solid.share
-
-
-def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
-    """Returns `(F, 3, 3)` m, the triangles of a piece and of the lids that close it."""
-    piece = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
-    piece.merge_vertices()
-    _, first, count = np.unique(piece.edges_unique_inverse, return_index=True, return_counts=True)
-    rim = piece.edges[first[count % 2 == 1]]
-    if not len(rim):
-        return piece.triangles
-    # Edges with an odd number of triangles form closed loops. A fan of triangles around its middle
-    # closes each.
-    part = trimesh.graph.connected_component_labels(rim, len(piece.vertices))
-    _, loop = np.unique(part[rim[:, 0]], return_inverse=True)
-    ends = piece.vertices[rim]
-    sums = np.zeros((loop.max() + 1, 3))
-    np.add.at(sums, loop, ends.mean(axis=1))
-    middles = sums / np.bincount(loop)[:, None]
-    lids = np.stack([ends[:, 1], ends[:, 0], middles[loop]], axis=1)
-    closed = np.concatenate([piece.triangles, lids])
-    try:
-        hull = ConvexHull(piece.vertices)
-    except QhullError:
-        return closed  # It is flat, and encloses nothing anyway.
-    enclosed = np.linalg.det(closed - piece.vertices.mean(axis=0)).sum() / 6
-    return closed if abs(enclosed) > _SHEET * hull.volume else hull.points[hull.simplices]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,14 +404,6 @@ def triangulated(solid: Solid, edge: float) -> trimesh.Trimesh:
     depths = dict(zip(asked, solid.depth_at(np.array(asked)).tolist(), strict=True))
     level_set = manifold3d.Manifold.level_set(lambda x, y, z: depths[x, y, z], bounds, edge)
     return _relaxed(from_manifold(level_set), solid)
-
-
-def from_manifold(manifold: manifold3d.Manifold) -> trimesh.Trimesh:
-    """The surface of a solid of manifold3d."""
-    mesh = manifold.to_mesh64()
-    # A copy: a view would keep manifold3d's mesh alive, which warns when Python exits.
-    vertices = mesh.vert_properties[:, :3].copy()
-    return trimesh.Trimesh(vertices, mesh.tri_verts.astype(np.int64), process=False)
 
 
 def _relaxed(surface: trimesh.Trimesh, solid: Solid) -> trimesh.Trimesh:

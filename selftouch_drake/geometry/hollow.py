@@ -62,7 +62,9 @@ class HollowSkin:
         return sample_triangles(triangles, spacing)[0]
 
 
-def hollow_skin(surface: trimesh.Trimesh, thickness: float) -> HollowSkin:
+def hollow_skin(
+    surface: trimesh.Trimesh, thickness: float, *, mendings: int = _MENDINGS
+) -> HollowSkin:
     """Extrudes a closed surface inwards into a skin, with vertices at mid-depth.
 
     Hydroelastic pressure is zero on the boundary of a mesh, so a wall without inner vertices would
@@ -71,6 +73,7 @@ def hollow_skin(surface: trimesh.Trimesh, thickness: float) -> HollowSkin:
     Args:
         surface: Closed outer surface, in m, wound outwards.
         thickness: m, by which each face moves inwards.
+        mendings: Rounds of repairing the inner wall where it folds, is thin or crosses itself.
 
     Raises:
         ValueError: If the skin is thicker than the surface allows.
@@ -80,7 +83,7 @@ def hollow_skin(surface: trimesh.Trimesh, thickness: float) -> HollowSkin:
     vertices = np.array(surface.vertices)
     faces = np.array(surface.faces)
     tetrahedra = _fill_prisms(faces, len(vertices))
-    inner_vertices = _inner_wall(surface, thickness, tetrahedra)
+    inner_vertices = _inner_wall(surface, thickness, tetrahedra, mendings)
     return HollowSkin(
         vertices=vertices,
         faces=faces,
@@ -115,7 +118,9 @@ def vtk_text(skin: HollowSkin) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _inner_wall(surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray) -> np.ndarray:
+def _inner_wall(
+    surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray, mendings: int
+) -> np.ndarray:
     """Moves a surface inwards by one method after another, until its wall is valid.
 
     Returns `(V, 3)` m, the inner vertices.
@@ -128,11 +133,11 @@ def _inner_wall(surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarr
     # The smoothest steps come first. On a long limb they slide far along it, and into its ends.
     for slide_range in (np.inf, _SLIDE_RANGE * thickness):
         inner = vertices + thickness * _inward_steps(surface, slide_range)
-        if check.first_fault(inner) is None:
+        if (fault := check.first_fault(inner)) is None:
             return inner
     # Then a few vertices of a rugged surface are repaired.
     steps, neighbours = inner - vertices, neighbouring_vertices(surface)
-    for attempt in range(_MENDINGS):
+    for attempt in range(mendings):
         steps = _mended(steps, check, neighbours, rings=1 + attempt // 4)
         if (fault := check.first_fault(vertices + steps)) is None:
             return vertices + steps

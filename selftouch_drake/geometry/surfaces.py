@@ -8,11 +8,11 @@ import warnings
 from os import PathLike
 from pathlib import Path
 
-import manifold3d
 import numpy as np
 
-from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface, from_manifold
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.hollow import point_text
+from selftouch_drake.geometry.solids import from_manifold, to_manifold
 from selftouch_drake.geometry.triangles import first_self_intersection
 from selftouch_drake.lazy import trimesh
 
@@ -212,7 +212,7 @@ def mesh_file(
             stacklevel=2,
         )
     else:
-        manifold = _to_manifold(surface)
+        manifold = to_manifold(surface)
         for _ in range(3):  # The first split leaves longer edges inside large triangles.
             manifold = manifold.refine_to_length(1.4 * resolution)
         surface = from_manifold(manifold)
@@ -283,17 +283,7 @@ def _clean(surface: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _split_edges(surface: trimesh.Trimesh, *, pieces: int) -> trimesh.Trimesh:
-    return from_manifold(_to_manifold(surface).refine(pieces))
-
-
-def _to_manifold(surface: trimesh.Trimesh) -> manifold3d.Manifold:
-    # 64 bits, since single precision would move a face of a cube by 1e-8 m.
-    return manifold3d.Manifold(
-        manifold3d.Mesh64(
-            np.ascontiguousarray(surface.vertices, dtype=np.float64),
-            np.ascontiguousarray(surface.faces, dtype=np.uint64),
-        )
-    )
+    return from_manifold(to_manifold(surface).refine(pieces))
 
 
 def _equilateral_area(edge: float) -> float:

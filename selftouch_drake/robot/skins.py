@@ -19,7 +19,7 @@ from selftouch_drake.experiment import Experiment, ExperimentError, Skin
 from selftouch_drake.experiment.receptor_files import ReceptorTable
 from selftouch_drake.experiment.schema import SHAPES
 from selftouch_drake.geometry import surfaces
-from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.closing import RepairedWarning, SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.hollow import HollowSkin, hollow_skin
 from selftouch_drake.geometry.receptors import (
     ReceptiveFields,
@@ -38,6 +38,10 @@ from selftouch_drake.robot.models import load_model, parse
 _MOVED = 1e-4
 # Receptors are in another unit if they are so many times farther from a surface than it is long.
 _MILLIMETRES = 10
+# A normal points inwards if the cosine of its angle to the surface's normal is below minus the
+# first, and the side that it faces is far: the receptor's distance from the surface is at most the
+# second share of that. The user is told if more than the third share of all normals do.
+_INWARD, _NEARER, _SOME_INWARD = 0.3, 0.25, 0.05
 # Depth of a pad of receptors below them, in resolutions or thicknesses.
 _PAD = 4
 # The surfaces that are the link's own.
@@ -182,6 +186,10 @@ class MovedReceptorsWarning(UserWarning):
     """Receptors of a file were not on the surface, and were moved onto it."""
 
 
+class InwardNormalsWarning(UserWarning):
+    """Normals of receptors in a file point into the link."""
+
+
 class _OffSurfaceError(ExperimentError):
     """Receptors of a file are too far from the surface of their skin."""
 
@@ -202,8 +210,9 @@ def _fields_of_file(
             f"skins.{name}.num_receptors is {skin.num_receptors}; {skin.receptors.file} has "
             f"{num_readings}: leave num_receptors out"
         )
+    normal = _outward_normals(field, surface, given, p_LS)
     fields, moved = placed_fields(
-        surface, p_LS, normal=given.normal, radius=given.width, width=skin.field_width
+        surface, p_LS, normal=normal, radius=given.width, width=skin.field_width
     )
     reach = fields.radius if given.width is None else skin.field_width * given.width
     if len(off := np.flatnonzero(moved > reach)):
@@ -224,6 +233,40 @@ def _fields_of_file(
             stacklevel=2,
         )
     return group_centres(fields, given.group) if centre and given.group is not None else fields
+
+
+def _outward_normals(
+    field: str, surface: trimesh.Trimesh, given: ReceptorTable, p_LS: np.ndarray
+) -> np.ndarray | None:
+    """`(S, 3)` the normals of a file, turned round if most of them point into the link.
+
+    Warns:
+        InwardNormalsWarning: they were turned, or some point inwards and others do not.
+    """
+    if given.normal is None:
+        return None
+    vertices, facing = np.array(surface.vertices), np.array(surface.vertex_normals)
+    near, nearest = cKDTree(vertices).query(p_LS)
+    # On a thin link, the side that a receptor faces is about as near as the other.
+    far = np.ptp(vertices, axis=0).max()
+    _, along = cKDTree(np.hstack([vertices, far * facing])).query(
+        np.hstack([p_LS, far * given.normal])
+    )
+    inward = np.einsum("si,si->s", given.normal, facing[nearest]) < -_INWARD
+    inward &= near < _NEARER * np.linalg.norm(vertices[along] - p_LS, axis=1)
+    if inward.mean() > 0.5:
+        text = f"{field}: the normals point into the link, and were turned outwards"
+        warnings.warn(text, InwardNormalsWarning, stacklevel=2)
+        return -given.normal
+    if inward.mean() > _SOME_INWARD:
+        warnings.warn(
+            f"{field}: {inward.sum()} of {len(inward)} normals point into the link, unlike the "
+            f"others ({given.those(np.flatnonzero(inward))}): their receptors may have been moved "
+            "to the opposite side; turn them outwards in the file",
+            InwardNormalsWarning,
+            stacklevel=2,
+        )
+    return given.normal
 
 
 def _elsewhere(
@@ -260,14 +303,17 @@ def _outer_surface(
     """The closed outer surface that is described, in the frame of `link`."""
     wanted = skin.surface
     if wanted.shape in _ROLES or wanted.shape == "receptors":
-        with warnings.catch_warnings(record=True) as simplified:
+        with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", SimplifiedWarning)
+            warnings.simplefilter("always", RepairedWarning)
             surface = closed_surface(
                 _pieces(skin, link, plant, scene_graph),
                 resolution=wanted.resolution,
                 thickness=skin.thickness,
+                # The hull of receptors has edges that the robot has not.
+                sharp=wanted.shape != "receptors",
             )
-        for warning in simplified:
+        for warning in said:
             warnings.warn(f"skins.{name}.{warning.message}", warning.category, stacklevel=2)
     elif wanted.shape == "mesh":
         surface = surfaces.mesh_file(

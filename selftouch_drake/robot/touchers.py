@@ -182,7 +182,7 @@ def _own_mesh(shape: Shape) -> Mesh:
         surface = as_mesh(shape)
         if not isinstance(shape, Box):
             finest = max(_FINEST, float(surface.extents.min()) / 6)
-            surface = closed_surface([surface], resolution=finest)
+            surface = closed_surface([surface], resolution=finest, sharp=False)
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.vertices.tolist()]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in surface.faces.tolist()]
     return in_memory("\n".join(lines) + "\n", ".obj")

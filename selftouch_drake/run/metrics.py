@@ -6,7 +6,9 @@ error with two fingers on one hand.
 """
 
 import csv
-from collections.abc import Mapping
+import operator
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,11 +51,13 @@ class MetricText:
         name: its key in `metrics.json`; among what summarises a run, in a few words.
         value: the number with its unit, as text.
         metric: what the table says about it.
+        missed: whether the value misses its target.
     """
 
     name: str
     value: str
     metric: Metric
+    missed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +68,13 @@ class MotionRow:
         name: of the kind, as in `before practice`.
         explanation: what kind of motion it is.
         cells: one text for each of `MOTION_COLUMNS` but the first; empty if unknown.
+        missed: of each, whether it misses its target.
     """
 
     name: str
     explanation: str
     cells: list[str]
+    missed: list[bool]
 
 
 #: The headings of rows of motions.
@@ -79,6 +85,9 @@ _TILES = {
     "shape_expected_error": "expected by the agent",
     "shape_trusted": "trusted",
     "parts_found": "parts",
+    "parts_doubt": "number of parts not sure",
+    "kernels_in_fragments": "kernels on fragments",
+    "skins_not_recovered": "skins touched, not recovered",
     "topology_betti": "components, loops, voids",
     "topology_betti_by_part": "components, loops, voids by part",
     "intrinsic_dimension": "dimension",
@@ -133,7 +142,15 @@ def metric_texts(metrics: Mapping[str, Any]) -> dict[str, list[MetricText]]:
 
 def tiles(metrics: Mapping[str, Any]) -> list[MetricText]:
     """What the agent of a run knows of its body, as far as it is known."""
-    return [_metric_text(BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
+    return [
+        _metric_text(BY_KEY[k], metrics, _tile_name(k, metrics)) for k in _TILES if k in metrics
+    ]
+
+
+def _tile_name(key: str, metrics: Mapping[str, Any]) -> str:
+    """What summarises a run in a few words; of one part, nothing is `by part`."""
+    one = key.endswith("_by_part") and len(metrics[key]) == 1
+    return _TILES[key.removesuffix("_by_part") if one else key]
 
 
 def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
@@ -143,12 +160,54 @@ def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
         keys = [f"{kind}_{ending}" for ending in _OF_MOTIONS]
         cells = [_text(metrics[k], BY_KEY[k].unit) if k in metrics else "" for k in keys]
         if any(cells):
-            rows.append(MotionRow(name, explanation, cells))
+            missed = [k in metrics and misses_target(BY_KEY[k], metrics) for k in keys]
+            rows.append(MotionRow(name, explanation, cells, missed))
     return rows
 
 
 def _metric_text(metric: Metric, metrics: Mapping[str, Any], name: str) -> MetricText:
-    return MetricText(name, _text(metrics[metric.key], metric.unit), metric)
+    value = _text(metrics[metric.key], metric.unit)
+    return MetricText(name, value, metric, misses_target(metric, metrics))
+
+
+# What a target says, and when a value misses it.
+_TARGETS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
+    (r"below ([\d.]+)", operator.ge),
+    (r"above ([\d.]+)", operator.le),
+    (r"at most ([\d.]+)", operator.gt),
+    (r"([\d.]+) or more", operator.lt),
+    (r"(100) %$", operator.lt),
+    (r"(0)( s)?$", operator.gt),
+)
+# The metric that holds the target of another.
+_TRUE = {
+    "parts_found": "parts_true",
+    "topology_betti_by_part": "topology_betti_true_by_part",
+}
+
+
+def misses_target(metric: Metric, metrics: Mapping[str, Any]) -> bool:
+    """Whether the value of a metric misses a target that can be judged without more knowledge.
+
+    Where a metric has several values, one that misses is enough.
+    """
+    value = metrics[metric.key]
+    if (true := metrics.get(_TRUE.get(metric.key, ""))) is not None:
+        if isinstance(true, list):
+            pairs = zip(true, value, strict=False)
+            return any(right is not None and right != found for right, found in pairs)
+        return bool(value != true)
+    if metric.target == "yes":
+        return value is False
+    if metric.target == "none":
+        return bool(value)
+    values = list(value.values()) if isinstance(value, Mapping) else [value]
+    scale = 100.0 if metric.unit == "%" else 1.0
+    for pattern, misses in _TARGETS:
+        if found := re.match(pattern, metric.target):
+            numbers = [v for v in values if isinstance(v, int | float)]
+            return any(misses(round(scale * v, 9), float(found[1])) for v in numbers)
+    return False
 
 
 def _text(value: Any, unit: str) -> str:
@@ -157,7 +216,7 @@ def _text(value: Any, unit: str) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_text(entry, unit)}" for name, entry in value.items())
     if isinstance(value, list):
-        nested = any(isinstance(entry, list) for entry in value)
+        nested = any(isinstance(entry, list | str) for entry in value)
         return ("; " if nested else ", ").join(_text(entry, unit) for entry in value)
     if isinstance(value, bool):
         return "yes" if value else "no"

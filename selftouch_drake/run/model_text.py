@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind
+from selftouch_drake.agent.representation.quotient import LEAST_OF_PART
 
 #: What a body model assumes, named each time that one is used.
 ASSUMPTION = "rigid links on joints that turn or slide"
@@ -82,9 +83,14 @@ def verdict(model: BodyModel) -> str:
     """Whether a model was accepted, in a few words."""
     if is_off(model):
         return "off"
-    accepted, num_parts = int(model.accepted_by_part.sum()), len(model.accepted_by_part)
+    accepted = int(model.accepted_by_part.sum())
+    # Fragments have no shape, and no report counts them as parts.
+    sizes = np.bincount(model.kernel_part, minlength=len(model.accepted_by_part))
+    num_parts = int(np.sum((sizes >= LEAST_OF_PART) | model.accepted_by_part))
     if model.accepted:
         return "accepted"
+    if accepted == num_parts > 0:
+        return "accepted on all parts but fragments"
     return f"accepted on {accepted} of {num_parts} parts" if accepted else "rejected"
 
 

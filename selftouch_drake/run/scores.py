@@ -1,12 +1,13 @@
 """Metrics of what was learned, alone and against the truth, as `metrics.json` names them."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.representation.gaps import doubts_of_parts
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover
@@ -60,6 +61,7 @@ def score_body(
         **metrics,
         **confidence_metrics(body),
         **part_metrics(body, parts, several=_several(run, body)),
+        **not_recovered(body, truth, run.metrics().get("babbling_touches_by_skin", {})),
         "kernel_spread_median_m": float(np.median(truth.spread)),
         "kernel_spread_worst_m": float(truth.spread.max()),
         **_place_metrics(world, representation, truth, bodies, body.metric),
@@ -76,10 +78,17 @@ def score_model(
     return summary(errors, [skin.name for skin in world.skins])
 
 
-def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:
+def found_metrics(
+    run: RunDirectory, representation: QuotientRepresentation, body: RecoveredBody
+) -> Metrics:
     """What the agent found out about its body: one number for one part, a list for several."""
     topologies = [part.topology for part in body.parts]
     metrics: Metrics = {"parts_found": len(body.parts)}
+    if doubts := doubts_of_parts(representation, next(run.touches().touches())[0], topologies):
+        metrics["parts_doubt"] = doubts
+    in_fragments = representation.num_targets - sum(len(part.kernels) for part in body.parts)
+    if in_fragments:
+        metrics["kernels_in_fragments"] = in_fragments
     if any(part.doubt for part in body.parts):
         metrics["shape_doubt_by_part"] = [part.doubt for part in body.parts]
     # Of other runs, the truth will say whether there is a shape to be sure of.
@@ -124,6 +133,19 @@ def part_metrics(body: RecoveredBody, parts: Sequence[TruePart], *, several: boo
             betti.append(None if true is None or true.betti is None else list(true.betti))
         metrics["topology_betti_true_by_part"] = betti
     return metrics
+
+
+def not_recovered(
+    body: RecoveredBody, truth: KernelTruth, touches_by_skin: Mapping[str, int]
+) -> Metrics:
+    """Touches of each skin that was touched, but on which no part of the body was recovered."""
+    found = {int(truth.skin[k]) for part in body.parts for k in part.kernels}
+    missing = {
+        name: touches
+        for number, (name, touches) in enumerate(touches_by_skin.items())
+        if touches and number not in found
+    }
+    return {"skins_not_recovered": missing} if missing else {}
 
 
 def _several(run: RunDirectory, body: RecoveredBody) -> bool:

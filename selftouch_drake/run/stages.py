@@ -245,7 +245,7 @@ def _learn_quotient(
             "kernel_size_max": int(sizes.max()),
             "graph_component_sizes": np.bincount(learned.component).tolist(),
             **({"graph_bridges": bridges} if bridges else {}),
-            **found_metrics(run, body),
+            **found_metrics(run, representation, body),
             "learning_wall_s": time.perf_counter() - began,
         }
     )

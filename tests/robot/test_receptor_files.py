@@ -12,7 +12,7 @@ from selftouch_drake.experiment.schema import ReceptorFile
 from selftouch_drake.geometry.receptors import placed_fields
 from selftouch_drake.geometry.surfaces import ellipsoid, sphere
 from selftouch_drake.robot import World
-from selftouch_drake.robot.skins import make_skins
+from selftouch_drake.robot.skins import InwardNormalsWarning, make_skins
 
 RADIUS = 0.25
 
@@ -103,6 +103,23 @@ def test_normals_say_on_which_side_of_a_thin_link_a_receptor_lies():
     assert (below.p_LS[:, 2] < 0).all()
     assert (above.p_LS[:, 2] > 0).all()
     assert ((moved > 0.007) & (moved < 0.013)).all()
+
+
+@pytest.mark.filterwarnings("ignore::selftouch_drake.robot.skins.MovedReceptorsWarning")
+def test_normals_of_a_whole_skin_that_point_inwards_are_turned(tmp_path):
+    p = on_sphere(40)
+    n = p / RADIUS
+
+    def skin(name, normals):
+        file = saved(tmp_path / f"{name}.npz", p, normals=normals)
+        return make_skins(load_experiment("sphere", of(file)))[0].fields.p_LS
+
+    right = skin("outward", n)
+    with pytest.warns(InwardNormalsWarning, match="point into the link, and were turned"):
+        np.testing.assert_array_equal(skin("inward", -n), right)
+    mixed = np.where(np.arange(40)[:, None] % 8 == 0, -n, n)
+    with pytest.warns(InwardNormalsWarning, match="5 of 40 normals point into the link"):
+        skin("mixed", mixed)
 
 
 def test_four_thousand_receptors_take_seconds():

@@ -2,11 +2,15 @@
 
 import re
 
+import pytest
+
 from selftouch_drake.run.metrics import (
+    BY_KEY,
     METRICS,
     MOTION_COLUMNS,
     keys_of,
     metric_texts,
+    misses_target,
     motions,
     tiles,
 )
@@ -63,6 +67,47 @@ def test_numbers_are_read_with_their_units():
     }
     assert list(found)[-1] == "Others"
     assert metric_texts({}) == {}
+
+
+@pytest.mark.parametrize(
+    ("key", "met", "missed"),
+    [
+        ("planning_contact_mean", 0.991, 0.99),
+        ("surface_rms_fraction", 0.049, 0.05),
+        ("surface_rms_fraction_by_skin", {"a": 0.01, "b": 0.02}, {"a": 0.01, "b": 0.07}),
+        ("execution_reach_rate", 1.0, 0.99),
+        ("topology_margin", 4.0, 3.9),
+        ("shape_trusted", True, False),
+        ("planning_impossible_postures", 0, 1),
+        ("execution_torque_of_limit", 1.0, 1.01),
+        ("skins_not_recovered", {}, {"hand": 3}),
+        ("execution_force_max_N", 29.0, 31.0),
+    ],
+)
+def test_a_missed_target_is_marked(key, met, missed):
+    assert not misses_target(BY_KEY[key], {key: met})
+    assert misses_target(BY_KEY[key], {key: missed})
+
+
+def test_parts_are_compared_with_the_true_ones_where_these_are_known():
+    metric = BY_KEY["parts_found"]
+    assert not misses_target(metric, {"parts_found": 2})
+    assert not misses_target(metric, {"parts_found": 2, "parts_true": 2})
+    assert misses_target(metric, {"parts_found": 2, "parts_true": 1})
+
+
+def test_of_one_part_nothing_is_by_part_and_doubts_are_in_the_headline():
+    doubt = "part 0 counts as one, but its places fall into 2 pieces"
+    metrics = {
+        "parts_found": 1,
+        "parts_doubt": [doubt],
+        "topology_betti_by_part": [[2, 0, 1]],
+    }
+    assert [(t.name, t.value) for t in tiles(metrics)] == [
+        ("parts", "1"),
+        ("number of parts not sure", doubt),
+        ("components, loops, voids", "2, 0, 1"),
+    ]
 
 
 def test_the_headline_shows_what_there_is():

@@ -98,8 +98,8 @@ def test_the_assumption_and_what_is_unknowable_are_named(model):
 
 def test_one_line_says_the_most(model):
     assert headline(model) == (
-        "accepted on 1 of 2 parts: 2 joints turn, 1 joint slides, 1 turns or slides; 97% of the "
-        "held-out touches agree with rigid links on joints that turn or slide"
+        "accepted on all parts but fragments: 2 joints turn, 1 joint slides, 1 turns or slides; "
+        "97% of the held-out touches agree with rigid links on joints that turn or slide"
     )
     nothing = dataclasses.replace(model, accepted_by_part=np.zeros(2, dtype=bool))
     assert (verdict(nothing), headline(nothing)) == ("rejected", "rejected: Part 1 bends.")

@@ -1,5 +1,6 @@
 """A robot with three skins: what is learned, planned and scored part by part."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.evaluation.parts import TruePart
+from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.experience.store import Contacts, Shard, write_shard
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
@@ -127,6 +129,21 @@ def test_true_parts_stand_beside_the_parts_that_show_them(run):
         "parts_true": 2,
         "topology_betti_true_by_part": [[1, 0, 0], None, [1, 2, 0]],
     }
+
+
+def test_a_skin_that_was_touched_and_not_recovered_is_named(run):
+    representation = load_representation(run)
+    body = load_body(run, representation)
+    skin = representation.part.copy()
+    truth = KernelTruth(skin=skin, positions=np.zeros((110, 3)), spread=skin, share_single=1.0)
+    touches = {"body": 1500, "left_forearm": 600, "right_forearm": 3}
+    assert scores.not_recovered(body, truth, touches) == {}
+    without = dataclasses.replace(body, parts=body.parts[:2])
+    found = scores.not_recovered(without, truth, touches)
+    assert found == {"skins_not_recovered": {"right_forearm": 3}}
+    assert [(t.name, t.value) for t in tiles(found)] == [
+        ("skins touched, not recovered", "right_forearm 3")
+    ]
 
 
 def test_pairs_are_of_one_part(run):

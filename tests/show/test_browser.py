@@ -138,6 +138,83 @@ def test_a_skin_that_moves_takes_its_receptors_along(chromium, two_skins, tmp_pa
     assert receptors == 12
 
 
+# Boxes on the screen, in pixels, of the parts of a scene and of the legend: left, top, right and
+# bottom.
+BOXES = """() => {
+  const boxes = {};
+  const path = ["skins", "drake", "touching", "expected", "recovered"];
+  const titles = Object.keys(viewer.scene_tree.find(["titles"]).children);
+  for (const where of [...path.map(p => [p]), ...titles.map(t => ["titles", t])]) {
+    const box = [Infinity, Infinity, -Infinity, -Infinity];
+    viewer.scene_tree.find(where).object.traverseVisible((each) => {
+      const places = each.geometry && each.geometry.attributes.position;
+      if (!places || !each.visible) return;
+      each.updateWorldMatrix(true, false);
+      for (let i = 0; i < places.count; i += Math.ceil(places.count / 300)) {
+        const p = each.position.clone().fromBufferAttribute(places, i)
+          .applyMatrix4(each.matrixWorld).project(viewer.camera);
+        const x = (p.x + 1) / 2 * innerWidth, y = (1 - p.y) / 2 * innerHeight;
+        box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
+        box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
+      }
+    });
+    if (box[0] < box[2]) boxes[where.join("/")] = box;
+  }
+  const legend = document.getElementById("legend").getBoundingClientRect();
+  boxes.legend = [legend.left, legend.top, legend.right, legend.bottom];
+  return boxes;
+}"""
+
+
+def overlap(one, other) -> bool:
+    """Whether two boxes on the screen do."""
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+@pytest.mark.parametrize("width", [420, 1200])
+def test_a_recording_is_inside_the_screen_and_its_captions_free(
+    chromium, two_skins, tmp_path, width
+):
+    with visited(chromium, two_skins.playback.as_uri()) as (page, errors):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.wait_for_function("typeof viewer == 'object' && viewer.animator.duration > 0")
+        colors_at(page, 0.0)
+        boxes = page.evaluate(BOXES)
+        assert "two_skins" in page.title()
+        page.screenshot(path=tmp_path / f"playback_{width}.png")
+    assert errors == []
+    captions = {name: boxes.pop(name) for name in list(boxes) if name.startswith("titles/")}
+    assert len(captions) == 3
+    assert {"skins", "drake", "expected", "recovered", "legend"} <= set(boxes)
+    for name, (left, top, right, bottom) in (boxes | captions).items():
+        assert -1 <= left < right <= width + 1, name
+        assert -1 <= top < bottom <= 801, name
+    for name, caption in captions.items():
+        assert not any(overlap(caption, box) for box in boxes.values()), name
+        assert not any(overlap(caption, c) for other, c in captions.items() if other != name)
+    # All that is shown stands about the middle.
+    shown = np.array([*boxes.values(), *captions.values()])[:, [0, 2]]
+    assert abs(shown.min() + shown.max() - width) < 0.15 * width
+
+
+@pytest.mark.parametrize("width", [420, 1200])
+def test_tables_and_pictures_of_a_report_scroll_inside_themselves(chromium, two_skins, width):
+    with visited(chromium, two_skins.report.as_uri()) as (page, _):
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        outside = """() => [...document.querySelectorAll("table, img")].filter((e) => {
+          const box = (e.closest(".scroll") || e).getBoundingClientRect();
+          return box.left < 0 || box.right > innerWidth;
+        }).length"""
+        assert page.evaluate(outside) == 0
+        # Letters of 9 points at 160 dots per inch have 20 pixels.
+        letters = "all => all.map(e => 20 * e.getBoundingClientRect().width / e.naturalWidth)"
+        assert min(page.eval_on_selector_all("img", letters)) >= 8.9
+        squeezed = """() => [...document.querySelectorAll("td")].filter((e) =>
+          e.textContent.length > 20 && e.getBoundingClientRect().width < 60).length"""
+        assert page.evaluate(squeezed) == 0
+
+
 def test_the_report_shows_every_figure(chromium, reported, tmp_path):
     with visited(chromium, reported.report.as_uri()) as (page, errors):
         widths = page.eval_on_selector_all("img", "all => all.map(img => img.naturalWidth)")

@@ -130,7 +130,7 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
 def test_the_legend_names_the_kinds_of_joints(two_skins):
     data = RunData(two_skins)
     drawn = RobotShape(data.world).at(np.zeros(12))
-    figure = robot_pictures.agent(data.skins, drawn)
+    figure = robot_pictures.agent(robot_pictures.Touching(data.skins, drawn))
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["joints that turn", "what touches", "receptors (32)"]
 

@@ -128,7 +128,7 @@ def test_without_an_accepted_model_the_report_tells_why_or_nothing(
 def test_a_recording_stands_beside_its_plan(page):
     link = page.index("Watch the motion from sensation 0 to 40")
     assert (
-        page.index('alt="A plan round the body"')
+        page.index('alt="A plan around the body"')
         < link
         < page.index("Predicted and felt sensations")
     )
@@ -141,7 +141,9 @@ def test_every_picture_has_a_text_and_headings_have_an_order(page):
 
 
 def test_the_plan_is_listed(page):
-    assert "<td>0</td><td>40</td><td>3</td><td></td>" in page
+    assert "<td>0</td><td>40</td><td>3</td><td>1.2 s</td>" in page
+    # Nothing of this plan is in the air.
+    assert "times through the air" not in page
     assert "91.7 %" in page
 
 

@@ -10,6 +10,7 @@ from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.meshcat.recording import REPETITIONS, with_legend
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, FeelingRobot, Stage, drawn_page
+from selftouch_drake.show.style import VERMILION
 from selftouch_drake.systems.simulation import Babbling
 
 #: s, of the walk that is shown.
@@ -49,6 +50,8 @@ def babbling_page(run: RunDirectory, world: World) -> str:
         f"{name}: the first {SHOWN_S:.0f} seconds of babbling",
         f"{what}{SHOWN_S:.0f} seconds of them. The more a receptor feels, the darker it is, up to "
         f"{full:.1f} N per receptor.",
+        ((VERMILION, "what touches"),),
+        wide=1.0,
     )
 
 

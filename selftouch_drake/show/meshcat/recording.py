@@ -1,6 +1,7 @@
 """An executed plan as a Meshcat animation, and as a page that needs no network."""
 
 import html
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -9,6 +10,7 @@ from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, drawn_page
 from selftouch_drake.show.run_data import RunData, Targets
 from selftouch_drake.show.skins import touch_paths
+from selftouch_drake.show.style import BLUE, GREEN, ORANGE, VERMILION
 
 #: Repetitions of an animation; the controls of the page stop it.
 REPETITIONS = 1000
@@ -30,21 +32,58 @@ def recording_page(data: RunData, targets: Targets) -> str:
     return with_legend(
         page,
         f"{name}: sensation {' to '.join(map(str, targets))}",
-        "The agent touches itself. Blue is its plan, from green to blue; orange is the path that "
-        "it took; red on the recovered body is where it feels itself. The more a receptor feels, "
-        f"the darker it is, up to {full:.1f} N per receptor.",
+        "The agent touches itself. The more a receptor feels, the darker it is, up to "
+        f"{full:.1f} N per receptor.",
+        (
+            (GREEN, "start"),
+            (BLUE, "plan and goal"),
+            (ORANGE, "path that it took"),
+            (VERMILION, "what touches; on the recovered body, where it feels itself"),
+        ),
     )
 
 
-def with_legend(page: str, title: str, text: str) -> str:
-    """A page of Meshcat's with its title, and over it what its colours mean."""
+# Meshcat keeps the height of a scene: on a page that is narrower than it is high, what stands
+# beside the robot would leave the screen. This ratio of width to height shows all of it.
+_WIDE = 1.5
+
+
+def with_legend(
+    page: str, title: str, text: str, colors: Sequence[tuple[str, str]] = (), *, wide: float = _WIDE
+) -> str:
+    """A page of Meshcat's with its title, and over it what its colours mean.
+
+    Args:
+        page: HTML.
+        title: of the page.
+        text: a sentence or two below it.
+        colors: and what each stands for.
+        wide: width over height that the scene needs: on narrower screens, it becomes smaller.
+    """
     title = html.escape(title)
+    entries = "".join(
+        f'<li style="margin-right: .8em"><span style="color: {color}">&#9679;</span> '
+        f"{html.escape(meaning)}</li>"
+        for color, meaning in colors
+    )
     legend = f"""
-  <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
-              font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
-    <strong>{title}</strong><br>
-    {html.escape(text)}
-  </div>
+  <style>
+    #legend {{ position: fixed; left: 1rem; top: 1rem; width: min(22rem, 100vw - 2rem);
+              color: #22262b; font: 14px/1.4 system-ui, sans-serif; pointer-events: none }}
+    #legend ul {{ display: flex; flex-wrap: wrap; list-style: none; margin: .3em 0; padding: 0 }}
+    /* Below Meshcat's button for its controls. */
+    @media (max-width: 40rem) {{ #legend {{ top: 2rem; font-size: 12px }} }}
+  </style>
+  <div id="legend"><strong>{title}</strong><br>{html.escape(text)}<ul>{entries}</ul></div>
+  <script>
+    function fitScene() {{
+      viewer.camera.zoom = Math.min(1, innerWidth / innerHeight / {wide});
+      viewer.camera.updateProjectionMatrix();
+      viewer.set_dirty();
+    }}
+    addEventListener("resize", fitScene);
+    fitScene();
+  </script>
 """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
     head, end, tail = page.rpartition("</body>")

@@ -23,18 +23,25 @@ from selftouch_drake.show.style import DPI
 
 # Candidate postures for the picture of the agent.
 _NUM_POSTURES = 400
+# Of these, the clearest, among which the touch is looked at from all sides.
+_NUM_CLEAR = 3
 
 
 def agent(data: RunData) -> Figure:
-    """The robot touching itself, with its joints well clear of its skins."""
+    """The robot touching itself, where the touch is seen, its joints well clear of its skins."""
     kernel_q, shape = data.representation.kernel_q, RobotShape(data.world)
     q = kernel_q[:: max(len(kernel_q) // _NUM_POSTURES, 1)].astype(float)
     poses = data.world.robot.skin_positions(q)
     middles = np.array([skin.vertices.mean(axis=0) for skin in data.skins])
     centres = np.einsum("nsij,sj->nsi", poses[..., :3], middles) + poses[..., 3]
     away = np.linalg.norm(shape.joints(q)[:, :, None] - centres[:, None], axis=3)
-    clear = int(away.mean(axis=(1, 2)).argmax())
-    return robot_pictures.agent(all_moved(data.skins, poses[clear]), shape.at(q[clear]))
+    clear = np.argsort(-away.mean(axis=(1, 2)), kind="stable")[:_NUM_CLEAR]
+    felt = data.world.probe.sensations(q[clear])
+    drawn = [
+        robot_pictures.Touching(all_moved(data.skins, poses[row]), shape.at(q[row]), sensation)
+        for row, sensation in zip(clear, felt, strict=True)
+    ]
+    return robot_pictures.agent(max(drawn, key=robot_pictures.how_well_seen))
 
 
 def plan_path(data: RunData) -> Figure:

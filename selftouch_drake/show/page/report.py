@@ -30,6 +30,9 @@ from selftouch_drake.show.run_data import NoSurfaceError, RunData
 
 # Numbers of sensations that are written on the body; more would cover it.
 _NUM_LABELS = 40
+# Pictures are not shown smaller than this share of their pixels: their letters, of 20 pixels, would
+# be below 9.
+_LEGIBLE = 0.45
 # Digits of a place, in units of the body's half size: a picture has no more.
 _DIGITS = 3
 
@@ -59,18 +62,20 @@ def report_page(
         pass
     robot: list[Table] = []
     try:
-        robot = [(title, rows, ()) for title, rows in description(data.world)]
+        robot = [_without_empty((title, rows, ())) for title, rows in description(data.world)]
     except MissingError as reason:
         robot_missing = str(reason)
     parts: Table | None = None
     with contextlib.suppress(MissingError):
-        parts = part_table(data)
+        parts = _without_empty(part_table(data))
         # One part on one skin needs no table.
         parts = parts if len(parts[1]) > 1 or len(data.run.experiment.skins) > 1 else None
     model: ModelText | None = None
     with contextlib.suppress(MissingError):
         model = None if is_off(data.model) else model_text(data.model)
-    experiment, metrics, plans = data.run.experiment, data.run.metrics(), plan_table(data)
+    tables = [] if model is None else [_without_empty(it) for it in model_tables(data, model)]
+    experiment, metrics = data.run.experiment, data.run.metrics()
+    plans = _without_empty(plan_table(data))
     images = {
         name: base64.b64encode(it.read_bytes()).decode("ascii")
         for name, it in pictures.items()
@@ -87,16 +92,19 @@ def report_page(
         experiment=experiment,
         settings=dump_experiment(experiment),
         images=images,
+        widths={name: _width(it) for name, it in images.items()},
+        legible=_LEGIBLE,
         missing={name: it for name, it in pictures.items() if isinstance(it, str)},
         tiles=tiles(metrics),
-        motions=motions(metrics),
+        motions=(rows := motions(metrics)),
+        shown_columns={n for row in rows for n, cell in enumerate(row.cells) if cell},
         columns=MOTION_COLUMNS,
         readings=metric_texts(metrics),
         robot=robot,
         robot_missing=robot_missing,
         parts=parts,
         model=model,
-        model_tables=[] if model is None else model_tables(data, model),
+        model_tables=tables,
         body=body,
         no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
@@ -206,6 +214,23 @@ def plan_table(data: RunData) -> Table:
         )
     columns = "from", "to", "kernel sets", "times through the air", "duration"
     return "All plans of this run", rows, (*columns, "in contact", "strongest force")
+
+
+def _without_empty(table: Table) -> Table:
+    """A table without columns in which all cells are empty."""
+    caption, rows, columns = table
+    widths = {len(row) for row in rows}
+    if len(widths) != 1 or (columns and len(columns) not in widths):
+        return table
+    kept = [n for n in range(widths.pop()) if any(row[n] for row in rows)]
+    kept_columns = [columns[n] for n in kept] if columns else columns
+    return caption, [[row[n] for n in kept] for row in rows], kept_columns
+
+
+def _width(image: str) -> int:
+    """The width of a picture, a PNG file in base64, in pixels."""
+    # Bytes 16 to 20 of a PNG file.
+    return int.from_bytes(base64.b64decode(image[:32])[16:20], "big")
 
 
 def _numbers(values: Iterable[int] | None) -> str:

@@ -1,6 +1,7 @@
 """The robot with its skins and what touches them: as a figure, and as pixels in any posture."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -38,6 +39,7 @@ _JOINT, _ROD, _EDGE = 0.036, 0.02, 0.04
 # Degrees above the horizon, and round the vertical: never along an axis, where boxes look flat.
 _ELEVATION = 18.0
 _AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (22, 34, 45, 56, 68)]
+_VIEWS = [View(_ELEVATION, azimuth) for azimuth in _AZIMUTHS]
 # How far from its centre the housing of a joint ends, as such a share.
 _HOUSING = 0.06
 # A ball that touches is drawn at least so large, as a share of the whole picture.
@@ -52,14 +54,48 @@ _NUM_POSTURES = 100
 _SKIN, _LINK = "#EBCBAA", "#7FA8CC"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Touching:
+    """A robot in a posture in which it may touch itself.
+
+    Attributes:
+        skins: in the world.
+        robot: the rest of it.
+        felt: `(S,)` N, what the receptors of all skins feel; None if that is unknown.
+    """
+
+    skins: Sequence[SkinSurface]
+    robot: DrawnRobot
+    felt: np.ndarray | None = None
+
+    @property
+    def place(self) -> np.ndarray | None:
+        """`(3,)` m, where the skin is touched; None if no receptor feels anything."""
+        if self.felt is None or not self.felt.any():
+            return None
+        skin = as_one(self.skins)
+        place = skin.receptors[self.felt.argmax()]
+        if len(self.robot.balls):
+            # Receptors may be few: what touches is nearer to the place.
+            place = min(self.robot.balls, key=lambda ball: float(np.linalg.norm(ball - place)))
+        return skin.vertices[np.linalg.norm(skin.vertices - place, axis=1).argmin()]
+
+
+def how_well_seen(posture: Touching) -> float:
+    """How well the touch of a posture is seen from its best side; 0 if there is none to see."""
+    if posture.place is None:
+        return 0.0
+    return _view(posture)[1]
+
+
 @styled
-def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
-    """The agent: skins in the world, receptors, joints and what touches (paper, figure 2)."""
+def agent(posture: Touching) -> Figure:
+    """The agent: skins in the world, receptors, joints, what touches, and where (paper, fig. 2)."""
+    skins, robot = posture.skins, posture.robot
     skin = as_one(skins)
     triangles = _triangles(skin, robot)
-    points = np.concatenate([robot.joints, robot.balls, triangles.reshape(-1, 3)])
-    size = min(float(np.ptp(points, axis=0).max()), _LARGEST)
-    view = _view(robot, triangles, size)
+    size = _size(robot, triangles)
+    view, _ = _view(posture)
     figure = Figure(figsize=(5.6, 5.0), layout="constrained")
     ax = add_scene(figure, figure.add_gridspec(1, 1)[0])
     colors = np.tile(to_rgb(INK), (len(skin.receptors), 1))
@@ -70,8 +106,20 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
         marks.append((VERMILION, "what touches"))
     marks.append((INK, f"receptors ({len(skin.receptors)})"))
     handles = [ax.scatter([], [], s=30, color=color, label=label) for color, label in marks]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(marks), columnspacing=1.2)
+    if posture.place is not None:
+        x, y = view.project(posture.place[None])[0, :2]
+        ax.scatter([x], [y], s=320, facecolors="none", edgecolors=VERMILION, zorder=6)
+        handles.append(
+            ax.scatter([], [], s=60, facecolors="none", edgecolors=VERMILION, label="the touch")
+        )
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, columnspacing=1.2)
     return figure
+
+
+def _size(robot: DrawnRobot, triangles: np.ndarray) -> float:
+    """Size of the whole picture, m."""
+    points = np.concatenate([robot.joints, robot.balls, triangles.reshape(-1, 3)])
+    return min(float(np.ptp(points, axis=0).max()), _LARGEST)
 
 
 def _draw_robot(
@@ -113,21 +161,37 @@ def _ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:
     return np.maximum(robot.radii, _BALL * size)
 
 
-def _view(robot: DrawnRobot, triangles: np.ndarray, size: float) -> View:
-    """The side from which most joints and balls are seen, and apart from one another."""
+def _view(posture: Touching) -> tuple[View, float]:
+    """The side from which the touch and most joints are seen, apart from one another; how well."""
+    robot, skin = posture.robot, as_one(posture.skins)
+    triangles = _triangles(skin, robot)
+    size = _size(robot, triangles)
     joints = np.unique(robot.joints.round(6), axis=0)
-    places = np.concatenate([joints, robot.balls])
-    lift = np.concatenate([np.full(len(joints), _HOUSING * size), 1.5 * _ball_radii(robot, size)])
-    # Touchers matter most.
-    weight = np.repeat([1.0, 2.0], [len(joints), len(robot.balls)])
+    place = np.zeros((0, 3)) if posture.place is None else posture.place[None]
+    places = np.concatenate([joints, robot.balls, place])
+    lift = np.concatenate(
+        [
+            np.full(len(joints), _HOUSING * size),
+            1.5 * _ball_radii(robot, size),
+            np.full(len(place), 2 * _BALL * size),
+        ]
+    )
+    # The touch matters most, and then what touches.
+    weight = np.repeat([1.0, 2.0, 10.0], [len(joints), len(robot.balls), len(place)])
 
     def score(view: View) -> float:
         picture = view.project(places)[:, :2]
         apart = np.linalg.norm(picture[:, None] - picture, axis=2) + np.diag([np.inf] * len(places))
+        # The touch lies where what touches is.
+        apart[:, len(joints) + len(robot.balls) :] = np.inf
+        near = np.minimum(apart.min(axis=1), 0.2 * size)
+        near[len(joints) + len(robot.balls) :] = 0.2 * size
         seen = unhidden(places + lift[:, None] * view.towards, triangles, view)
-        return float((weight * np.minimum(apart.min(axis=1), 0.2 * size))[seen].sum())
+        return float((weight * near)[seen].sum() / size)
 
-    return max((View(_ELEVATION, azimuth) for azimuth in _AZIMUTHS), key=score)
+    scores = [score(view) for view in _VIEWS]
+    best = int(np.argmax(scores))
+    return _VIEWS[best], scores[best]
 
 
 def _draw_joints(
