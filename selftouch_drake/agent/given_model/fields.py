@@ -47,16 +47,21 @@ class Fields:
     receptor: np.ndarray
     reading: np.ndarray
     num_receptors: int
-    scales: tuple[float, float] = (0.02, 0.003)
+    scales: tuple[float, float]
 
     @staticmethod
     def of(
-        way: GivenWay, changes: Sequence[Change], skin: TouchedSkin, sensation: np.ndarray
+        way: GivenWay,
+        changes: Sequence[Change],
+        skin: TouchedSkin,
+        sensation: np.ndarray,
+        scales: tuple[float, float] = (0.02, 0.003),
     ) -> "Fields":
         """For `(n, S)` readings; each row and each column has one above 0."""
         root = np.sqrt(sensation / sensation.max(axis=1, keepdims=True))
         touch, receptor = np.nonzero(root > np.sqrt(_LEAST_READING))
-        return Fields(way, changes, skin, touch, receptor, root[touch, receptor], root.shape[1])
+        reading = root[touch, receptor]
+        return Fields(way, changes, skin, touch, receptor, reading, root.shape[1], scales)
 
     def parted(self, v: np.ndarray) -> tuple[np.ndarray, ...]:
         """Amounts of changes, softness, log R, places and firmnesses."""

@@ -22,6 +22,7 @@ class Change:
         direction: `(3,)` unit vector in the frame.
         label: of the direction, `x` or `across 1` for instance.
         own: whether the direction is that of the joint's own axis.
+        slides: whether the joint slides.
     """
 
     frame: str
@@ -29,12 +30,18 @@ class Change:
     turns: bool
     direction: np.ndarray
     label: str
-    own: bool
+    own: bool = False
+    slides: bool = False
 
     @property
     def is_offset(self) -> bool:
         """Whether the change is one of what the joint reads."""
-        return self.own and self.turns
+        return self.own and self.turns != self.slides
+
+    @property
+    def unit(self) -> str:
+        """Of its amount: rad or m."""
+        return "rad" if self.turns else "m"
 
     @property
     def text(self) -> str:
@@ -80,13 +87,13 @@ class GivenWay:
                 own = bool(abs(direction @ axis) > 0.5)
                 found += [
                     Change(frame=name, number=number, turns=turns, direction=direction,
-                           label=label, own=own)
+                           label=label, own=own, slides=bool(self.slides[number]))
                     for turns in (True, False)
                 ]  # fmt: skip
         if self.mount:
             found += [
                 Change(frame=self.mount, number=len(self.names), turns=False,
-                       direction=np.eye(3)[axis], label="xyz"[axis], own=False)
+                       direction=np.eye(3)[axis], label="xyz"[axis])
                 for axis in range(3)
             ]  # fmt: skip
         return found
