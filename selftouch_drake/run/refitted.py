@@ -305,7 +305,20 @@ def _write_changes(file: Path, refit: Refit) -> None:
 
 
 def _write_receptors(file: Path, found: Corrected) -> None:
-    names = ("name", "x", "y", "z", "nx", "ny", "nz", "sigma", "sigma_x", "sigma_y", "sigma_z", "suspect")
+    names = (
+        "name",
+        "x",
+        "y",
+        "z",
+        "nx",
+        "ny",
+        "nz",
+        "sigma",
+        "sigma_x",
+        "sigma_y",
+        "sigma_z",
+        "suspect",
+    )
     refit = found.refit
     columns = zip(
         found.names, refit.places, refit.normals, refit.place_sigma, refit.suspect, strict=True

@@ -80,9 +80,7 @@ class Fields:
         none = np.zeros(len(self.changes) + 1)
         return np.r_[none, size, places.ravel(), np.full(len(self.skin.q), 1.1)]
 
-    def with_changes(
-        self, v: np.ndarray, changes: Sequence[Change]
-    ) -> tuple["Fields", np.ndarray]:
+    def with_changes(self, v: np.ndarray, changes: Sequence[Change]) -> tuple["Fields", np.ndarray]:
         """The same for other changes, and the unknowns; new ones are 0."""
         amounts = dict(zip(map(_key, self.changes), v, strict=False))
         first = [amounts.get(_key(change), 0.0) for change in changes]

@@ -105,9 +105,7 @@ class GivenWay:
             (turn if change.turns else shift)[change.number] += amount * change.direction
         moves = exponentials(np.concatenate([turn, np.zeros_like(turn)], axis=1))
         moves[:, :3, 3] = shift
-        return replace(
-            self, origins=self.origins @ moves[:-1], toucher=self.toucher @ moves[-1]
-        )
+        return replace(self, origins=self.origins @ moves[:-1], toucher=self.toucher @ moves[-1])
 
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
         """`(L, 4, 4)` and `(4, 4)` poses of the joints' and the toucher's frames, all reading 0.
@@ -117,7 +115,10 @@ class GivenWay:
         poses = np.empty_like(self.origins)
         num_up = int((self.signs < 0).sum())
         ends = []
-        for chain, end in ((range(num_up)[::-1], self.skin), (range(num_up, len(self.names)), self.toucher)):
+        for chain, end in (
+            (range(num_up)[::-1], self.skin),
+            (range(num_up, len(self.names)), self.toucher),
+        ):
             X = np.eye(4)
             for joint in chain:
                 X = poses[joint] = X @ self.origins[joint]

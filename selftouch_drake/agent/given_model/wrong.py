@@ -113,9 +113,7 @@ def _trees(way: GivenWay) -> Iterator[Tree]:
             )
         columns = straight.copy()
         columns[[one, other]] = columns[[other, one]]
-        yield Tree(
-            way=way, columns=columns, text=f"the readings of joints {both} are exchanged"
-        )
+        yield Tree(way=way, columns=columns, text=f"the readings of joints {both} are exchanged")
 
 
 def _alike(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
