@@ -242,7 +242,8 @@ def test_the_report_says_what_there_is(run):
     model = load_body_model(run.path)
     assert not model.accepted
     assert model.reason in html.unescape(text)
-    assert {path.stem for path in run.figures.glob("*.png")} == {"quotient_graph", "persistence"}
+    drawn = {path.stem for path in run.figures.glob("*.png")}
+    assert drawn == {"found_numbers", "found_receptors", "quotient_graph", "persistence"}
 
 
 PLAN = ("--from", 3, "--to", 100)
