@@ -24,7 +24,7 @@ JOINTS = (
     ("wrist_y", "0 0 0", "0 1 0"),
     ("wrist_z", "0 0 0", "0 0 1"),
 )
-BODY = '''
+BODY = """
 import numpy as np
 
 from selftouch_drake.agent.body import Felt, Followed
@@ -45,7 +45,7 @@ class MyRobot:
 
     def follow(self, time_s, q):
         return Followed(time_s=time_s, q=q, sensation=WORLD.probe.sensations(q))
-'''
+"""
 
 
 def urdf(forearm=0.4):

@@ -76,9 +76,7 @@ def _from_two_sides(
     extent = float(np.ptp(corners, axis=0).max())
     named = np.arange(len(places))
     if len(places) > _NUM_NAMED:
-        named = farthest_points(
-            lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_NAMED
-        )
+        named = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_NAMED)
     figure = Figure(figsize=(10.5, 5.5), layout="constrained")
     front = View()
     back = View(-front.elevation, front.azimuth + 180.0)
