@@ -19,7 +19,7 @@ from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.receptor_map import read_touches
 
 #: Most touches that are taken, and fewest of a receptor that is placed.
-_MOST_TOUCHES, _LEAST_FELT = 1000, 4
+_MOST_TOUCHES, _LEAST_FELT = 500, 4
 #: A receptor feels a touch strongly from this share of the strongest reading on.
 _STRONG = 0.5
 #: Fewest touches, and receptors.

@@ -19,7 +19,8 @@ from selftouch_drake.agent.given_model.way import Change, GivenWay
 # rad and m, within which changes are expected; and receptors that hardly any touch felt.
 _EXPECTED, _NEAR = {"rad": 0.3, "m": 0.1}, 1.0
 # Residuals are scaled, and neighbours are looked for, so many times; each time steps are taken.
-_NUM_ROUNDS, _NUM_STEPS = 8, 12
+# It ends where usual residuals change by a smaller share.
+_NUM_ROUNDS, _NUM_STEPS, _SETTLED = 8, 12, 0.005
 # How often changes are selected anew.
 _MOST_SELECTIONS = 4
 # A receptor is suspected whose residuals are so many times the usual ones.
@@ -73,21 +74,25 @@ def refitted(way: GivenWay, q: np.ndarray, sensation: np.ndarray, radius: float)
     offsets = [n for n, change in enumerate(every) if change.is_offset]
     skin = TouchedSkin(q, radius, sensation.sum(axis=1), way)
     fields = Fields.of(way, [every[n] for n in offsets], skin, sensation)
-    v = _fitted(fields)
+    v = _fitted(fields, fields.start())
     selection = _selection(fields, v, every)
     selection.take_observed(offsets)
-    asked = sorted(selection.taken)
+    asked, before = sorted(selection.taken), offsets
     for _ in range(_MOST_SELECTIONS):
-        # An offset that was not told has moved the receptors: they start anew.
-        fields = Fields.of(way, [every[n] for n in asked], fields.skin, sensation, fields.scales)
-        v = _fitted(fields)
+        looked_for = [every[n] for n in asked]
+        if set(before) <= set(asked):
+            fields, v = fields.with_changes(v, looked_for)
+        else:  # What is not told has moved the receptors: they start anew.
+            fields = Fields.of(way, looked_for, fields.skin, sensation, fields.scales)
+            v = fields.start()
+        v = _fitted(fields, v)
         selection = _selection(fields, v, every)
         selection.take_observed([n for n in asked if n in offsets])
         if selection.asks():
             selection.take_observed(range(len(every)), needed_first=True)
         if sorted(selection.taken) == asked:
             break
-        asked = sorted(selection.taken)
+        asked, before = sorted(selection.taken), asked
     told = {*asked, *selection.observed()}
     return _summed_up(fields, v, [every[n] for n in range(len(every)) if n not in told])
 
@@ -104,12 +109,15 @@ def _prior(fields: Fields) -> np.ndarray:
     return np.r_[changes, 0.0, 0.0, places, np.zeros(len(fields.skin.q))]
 
 
-def _fitted(fields: Fields) -> np.ndarray:
+def _fitted(fields: Fields, v: np.ndarray) -> np.ndarray:
     """The unknowns that fit best; neighbours and usual residuals are those that belong to them."""
-    prior, v = _prior(fields), fields.start()
+    prior = _prior(fields)
     for _ in range(_NUM_ROUNDS):
+        before = np.array(fields.scales)
         v = fields.minimised(v, prior, _NUM_STEPS)
         fields.rescaled(v)
+        if np.abs(np.log(fields.scales / before)).max() < _SETTLED:
+            break
     return v
 
 
