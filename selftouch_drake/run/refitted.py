@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.agent.given_model.refit import Refit, refitted
-from selftouch_drake.agent.given_model.taxels import Compared, compared, told
+from selftouch_drake.agent.given_model.taxels import Compared, compared, doubts, told
 from selftouch_drake.agent.given_model.way import Change, GivenWay
 from selftouch_drake.agent.given_model.wrong import Verdict, judged_tree
 from selftouch_drake.bodies.embodiment import build_world
@@ -18,8 +18,9 @@ from selftouch_drake.files import write_csv, written_whole
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.receptor_map import read_touches
 
-#: Most touches that are taken, and fewest of a receptor that is placed.
-_MOST_TOUCHES, _LEAST_FELT = 500, 4
+#: Touches that are read, most that are taken, of which share of the gentlest if there are enough,
+#: and fewest of a receptor that is placed.
+_READ, _MOST_TOUCHES, _GENTLE, _LEAST_FELT = 20_000, 500, 0.5, 4
 #: A receptor feels a touch strongly from this share of the strongest reading on.
 _STRONG = 0.5
 #: Fewest touches, and receptors.
@@ -63,6 +64,7 @@ class Corrected:
         names: `(S,)` of the receptors that were placed.
         compared: receptors beside their file; None without one.
         taxels_told: what is wrong with that file.
+        taxel_doubts: what may be.
     """
 
     verdict: Verdict
@@ -70,6 +72,7 @@ class Corrected:
     names: Sequence[str]
     compared: Compared | None
     taxels_told: Sequence[str]
+    taxel_doubts: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,8 +115,8 @@ def corrected(run: RunDirectory, start: Start) -> Corrected:
         )
     except np.linalg.LinAlgError:
         raise GivenModelError(
-            f"{len(q)} touches of {len(touches.placed)} receptors of {run.path} leave {start.model} "
-            "open; give touches from more postures, all over the skin"
+            f"{len(q)} touches of {len(touches.placed)} receptors of {run.path} leave "
+            f"{start.model} open; give touches from more postures, all over the skin"
         ) from None
     beside = None if file is None else _beside(refit, touches, file)
     groups = None if file is None or file.group is None else [str(g) for g in file.group]
@@ -123,6 +126,7 @@ def corrected(run: RunDirectory, start: Start) -> Corrected:
         names=[touches.names[n] for n in touches.placed],
         compared=beside,
         taxels_told=() if beside is None else told(beside, touches.names, groups),
+        taxel_doubts=() if beside is None else doubts(beside, touches.names),
     )
 
 
@@ -162,7 +166,7 @@ def correct_model(run: RunDirectory, start: Start, file: Path | None) -> tuple[l
 
 
 def _touches(path: Path, receptors: tuple[int, int] | None) -> _Touches:
-    q, sensation, names = read_touches(path, _MOST_TOUCHES, {})
+    q, sensation, names = read_touches(path, _READ, {})
     first, last = receptors or (0, len(names) - 1)
     if not 0 <= first <= last < len(names):
         raise GivenModelError(
@@ -170,8 +174,12 @@ def _touches(path: Path, receptors: tuple[int, int] | None) -> _Touches:
         )
     # What others feel, another skin touches.
     sensation, names = sensation[:, first : last + 1], names[first : last + 1]
-    felt = sensation.any(axis=1)
-    q, sensation = q[felt], sensation[felt]
+    felt = np.flatnonzero(sensation.any(axis=1))
+    # Gentle touches tell more: harder ones press the skin out of its shape.
+    gentle = felt[np.argsort(sensation[felt].sum(axis=1), kind="stable")]
+    gentle = np.sort(gentle[: max(int(_GENTLE * len(felt)), _MOST_TOUCHES)])
+    rows = gentle[np.linspace(0, len(gentle) - 1, min(_MOST_TOUCHES, len(gentle))).astype(int)]
+    q, sensation = q[rows], sensation[rows]
     # Weakly felt receptors lie beyond what was touched.
     strong = sensation > _STRONG * sensation.max(axis=1, keepdims=True, initial=0.0)
     placed = np.flatnonzero(strong.sum(axis=0) >= _LEAST_FELT)
@@ -255,6 +263,7 @@ def _said(found: Corrected, start: Start) -> list[str]:
             f"skin: moved by {moved[0]:.1f} mm and {moved[1]:.3f} rad as a whole, receptors "
             f"{1e3 * np.nanmedian(found.compared.off):.1f} mm (median) from {start.taxels}"
         )
+    lines += [f"doubt: {text}" for text in found.taxel_doubts]
     if refit.suspect.any():
         names = [found.names[n] for n in np.flatnonzero(refit.suspect).tolist()]
         lines.append(f"suspect, their readings fit no place: {', '.join(names)}")

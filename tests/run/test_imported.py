@@ -237,7 +237,7 @@ def test_the_report_says_what_there_is(run):
     assert "Another robot recorded its 7 joints (joint_0, joint_1" in text
     assert "taxels[7]" in text
     assert "was imported, without a robot" not in page
-    for title in ("Against the truth", "Predicted and felt", "practises", "missing"):
+    for title in ("Against the truth", "Predicted and felt", "practises", "under dynamics"):
         assert title not in text, title
     assert len(set(far_apart(RunData(run)))) == 2
     assert not run.babbling.exists(), "nothing of it babbled in Drake"

@@ -60,7 +60,7 @@ def compared(found: np.ndarray, sigma: np.ndarray, given: np.ndarray) -> Compare
     moved = given[known]
     turn, shift, scale = np.eye(3), np.zeros(3), 1.0
     for _ in range(_ROUNDS):
-        turn, scale, shift = _similarity(given[known], found[known], weight)
+        turn, scale, shift = similarity(given[known], found[known], weight)
         moved = scale * given[known] @ turn.T + shift
         off = np.linalg.norm(found[known] - moved, axis=1)
         # Receptors that are elsewhere must not pull the others along.
@@ -89,17 +89,16 @@ def compared(found: np.ndarray, sigma: np.ndarray, given: np.ndarray) -> Compare
 
 
 def told(compared: Compared, names: Sequence[str], groups: Sequence[str] | None) -> list[str]:
-    """A sentence for everything that is wrong with the receptors of a file.
+    """A sentence for each ring of receptors that read in each other's place.
 
     Args:
         compared: the receptors beside the file.
         names: `(S,)`.
         groups: `(S,)` the triangle, or other group, of each; None if nobody knows.
     """
-    found, explained = [], set()
+    found = []
     triangles: dict[str, list[list[int]]] = {}
     for ring in compared.cycles():
-        explained |= set(ring)
         own = {groups[n] for n in ring} if groups is not None else set()
         if len(ring) == 3 and len(own) == 1:
             triangles.setdefault(own.pop(), []).append(ring)
@@ -112,14 +111,24 @@ def told(compared: Compared, names: Sequence[str], groups: Sequence[str] | None)
     for group, rings in triangles.items():
         those = ", ".join(names[n] for ring in rings for n in ring)
         found.append(f"triangle {group} is turned by 120 degrees (receptors {those})")
+    return found
+
+
+def doubts(compared: Compared, names: Sequence[str]) -> list[str]:
+    """A sentence for each receptor that lies elsewhere alone; it may be felt by few touches only.
+
+    Arguments are as of `told`.
+    """
+    ringed = {n for ring in compared.cycles() for n in ring}
+    found = []
     for n, at in zip(compared.elsewhere.tolist(), compared.read_as.tolist(), strict=True):
-        if n not in explained:
+        if n not in ringed:
             where = f", where {names[at]} is" if at >= 0 else ""
             found.append(f"receptor {names[n]} is {1e3 * compared.off[n]:.0f} mm away{where}")
     return found
 
 
-def _similarity(
+def similarity(
     start: np.ndarray, end: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Rotation, scale and shift that carry weighted points nearest to others (Umeyama 1991)."""

@@ -1,4 +1,4 @@
-"""Whether a given tree is wrong, not only inexact: an axis, a sign, two joints taken for each other.
+"""Whether a given tree is wrong, not only inexact: an axis, a sign, or two joints exchanged.
 
 Touches that feel alike put one place of the toucher on one place of the skin. A tree that is a
 little inexact brings them near to each other; a wrong one does not, and the right one among many

@@ -13,7 +13,7 @@ from selftouch_drake.show.page.scene import (
     add_scene,
     balls,
     draw,
-    finish_row,
+    share_scale,
     surface,
     visible,
 )
@@ -97,5 +97,6 @@ def _from_two_sides(
                 fontsize=9, fontweight="bold",
             )  # fmt: skip
             text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
-    finish_row(figure)
+    # No length is known, so there is no bar that shows one.
+    share_scale(figure.axes)
     return figure
