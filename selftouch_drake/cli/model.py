@@ -85,7 +85,7 @@ def model(
     rejected: bool,
     **start: Any,
 ) -> None:
-    """Print the joints that the agent found, export its body, or correct a model that you have.
+    """Print the joints found, export them, or correct a model.
 
     RUN is a run directory that has learned.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.agent.given_model.refit import Refit, refitted
+from selftouch_drake.agent.given_model.refit import SIGNIFICANT, Refit, refitted
 from selftouch_drake.agent.given_model.taxels import Compared, compared, doubts, told
 from selftouch_drake.agent.given_model.way import Change, GivenWay
 from selftouch_drake.agent.given_model.wrong import Verdict, judged_tree
@@ -25,8 +25,6 @@ _READ, _MOST_TOUCHES, _GENTLE, _LEAST_FELT = 20_000, 500, 0.5, 4
 _STRONG = 0.5
 #: Fewest touches, and receptors.
 _LEAST_TOUCHES, _LEAST_RECEPTORS = 30, 3
-#: What moved by fewer standard errors may not have moved at all.
-SIGNIFICANT = 3.0
 # 95 % of a normal distribution is within so many standard deviations.
 _QUANTILE = 1.96
 
@@ -273,6 +271,10 @@ def _said(found: Corrected, start: Start) -> list[str]:
             f"unobservable: the offset of {', '.join(offsets)}, which moves receptors as well; it "
             "stays as it is"
         )
+    if not refit.kept.all():
+        lines.append(
+            f"{(~refit.kept).sum()} numbers that did not move stay as they are in the file"
+        )
     if all(change.is_offset for change in refit.changes):
         lines.append("besides offsets, touches ask for no change: all other numbers stay")
     else:
@@ -287,7 +289,8 @@ def _new_origins(found: Corrected) -> dict[str, NewOrigin]:
     """What changes in the file, by joint."""
     way: GivenWay = found.verdict.best.way
     new: dict[str, NewOrigin] = {}
-    for change, amount, _ in _each(found.refit):
+    made = zip(found.refit.changes, found.refit.amounts, found.refit.kept, strict=True)
+    for change, amount in [(change, amount) for change, amount, kept in made if kept]:
         before = new.get(change.frame, NewOrigin())
         moved = amount * change.direction
         still = np.zeros(3)

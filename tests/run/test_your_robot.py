@@ -127,7 +127,12 @@ def test_every_command_works_one_after_another(folder, monkeypatch):
     assert found.startswith("body model: accepted")
     (moved,) = [out for line, out in printed.items() if "--start" in line]
     assert "wrong" not in moved
-    assert similar_error("arm.urdf") > 0.004 > 4 * similar_error("arm_refitted.urdf")
+    with (folder / "arm_refitted_changes.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["z"] and abs(float(row["z"])) > 3]
+    moved = [row for row in rows if row["number"] != "offset"]
+    assert [row["number"] for row in moved] == ["shift along x"]
+    assert float(moved[0]["change"]) == pytest.approx(-0.01, abs=0.001)
+    assert similar_error("arm_refitted.urdf") < 0.7 * similar_error("arm.urdf")
     (program,) = blocks(text, "python")
     exec(compile(program, PAGE.name, "exec"), {})
     names = mujoco.MjModel.from_xml_path("mine.urdf")

@@ -7,9 +7,10 @@ where it lies itself.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from selftouch_drake.agent.given_model.fields import Fields
 from selftouch_drake.agent.given_model.selection import Selection
@@ -21,6 +22,9 @@ _EXPECTED, _NEAR = {"rad": 0.3, "m": 0.1}, 1.0
 # Residuals are scaled, and neighbours are looked for, so many times; each time steps are taken.
 # It ends where usual residuals change by a smaller share.
 _NUM_ROUNDS, _NUM_STEPS, _SETTLED = 8, 12, 0.005
+#: What moved by fewer standard errors may not have moved at all; and the chance, of all these
+#: together, below which they did.
+SIGNIFICANT, _TOGETHER = 3.0, 0.05
 # How often changes are selected anew.
 _MOST_SELECTIONS = 4
 # A receptor is suspected whose residuals are so many times the usual ones.
@@ -51,6 +55,7 @@ class Refit:
     changes: Sequence[Change]
     amounts: np.ndarray
     sigma: np.ndarray
+    kept: np.ndarray
     untold: Sequence[Change]
     places: np.ndarray
     place_sigma: np.ndarray
@@ -94,7 +99,15 @@ def refitted(way: GivenWay, q: np.ndarray, sensation: np.ndarray, radius: float)
             break
         asked, before = sorted(selection.taken), asked
     told = {*asked, *selection.observed()}
-    return _summed_up(fields, v, [every[n] for n in range(len(every)) if n not in told])
+    found = _summed_up(fields, v, [every[n] for n in range(len(every)) if n not in told])
+    kept = _kept(fields, v, found)
+    if kept.all():
+        return found
+    fields, v = fields.with_changes(v, [c for c, k in zip(found.changes, kept, strict=True) if k])
+    fewer = _summed_up(fields, _fitted(fields, v), found.untold)
+    amounts, sigma = found.amounts.copy(), found.sigma.copy()
+    amounts[kept], sigma[kept] = fewer.amounts, fewer.sigma
+    return replace(fewer, changes=found.changes, amounts=amounts, sigma=sigma, kept=kept)
 
 
 def _selection(fields: Fields, v: np.ndarray, every: Sequence[Change]) -> Selection:
@@ -121,6 +134,23 @@ def _fitted(fields: Fields, v: np.ndarray) -> np.ndarray:
     return v
 
 
+def _kept(fields: Fields, v: np.ndarray, found: Refit) -> np.ndarray:
+    """`(C,)` bool, changes that are made: all, unless few moved and the others, together, did not.
+
+    Noise of many numbers that did not move makes a model worse where nothing was touched.
+    """
+    matrix, _, squares = fields.normal(v, _prior(fields))
+    error = CHANGE_ERROR**2 * squares / max(2 * len(fields.touch) - len(v), 1)
+    still = np.abs(found.amounts) < SIGNIFICANT * found.sigma
+    still &= ~np.array([change.is_offset for change in found.changes], dtype=bool)
+    others = len(still) - sum(change.is_offset for change in found.changes)
+    if still.sum() < others / 2 or not still.any():
+        return np.ones(len(still), dtype=bool)
+    spread = error * np.linalg.inv(matrix)[: len(still), : len(still)][np.ix_(still, still)]
+    moved = found.amounts[still] @ np.linalg.solve(spread, found.amounts[still])
+    return ~still if moved < chi2.isf(_TOGETHER, still.sum()) else np.ones(len(still), dtype=bool)
+
+
 def _summed_up(fields: Fields, v: np.ndarray, untold: Sequence[Change]) -> Refit:
     num, m = len(fields.changes), len(fields.touch)
     matrix, _, squares = fields.normal(v, _prior(fields))
@@ -139,6 +169,7 @@ def _summed_up(fields: Fields, v: np.ndarray, untold: Sequence[Change]) -> Refit
         changes=fields.changes,
         amounts=amounts,
         sigma=CHANGE_ERROR * sigma[:num],
+        kept=np.ones(num, dtype=bool),
         untold=untold,
         places=places,
         place_sigma=place_sigma,
