@@ -99,7 +99,7 @@ def laid_out(body: RecoveredBody) -> tuple[RecoveredSkin, ...]:
 
     Each has a largest extent of 1, on no skin, in the pose in which the agent laid it out.
     """
-    parts = []
+    parts: list[RecoveredSkin] = []
     for number, part in enumerate(body.parts):
         if part.topology is None or part.space_dimension > 3:
             continue
