@@ -149,7 +149,8 @@ def programs() -> Iterator[object]:
     """Every Python program of the pages; those that read raw readings have a test of their own."""
     for page in PAGES:
         for number, program in enumerate(blocks(TEXTS[page], "python")):
-            if page.name != "gymnasium.md" and "find_touches" not in program:
+            # That of your robot runs in a test of its own, after the page's commands.
+            if page.name not in ("gymnasium.md", "your_robot.md") and "find_touches" not in program:
                 slow = [pytest.mark.slow] if "KMeans" in program or page.parent == ROOT else []
                 yield pytest.param(page, number, marks=slow, id=f"{page.stem}-{number}")
 

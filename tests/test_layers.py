@@ -19,7 +19,7 @@ LAYERS = (
     ("sweep", "envs"),
     ("show",),
     ("run",),
-    ("evaluation", "calibration", "export"),
+    ("evaluation", "export"),
     ("bodies",),
     ("systems",),
     ("experience",),

@@ -21,7 +21,6 @@ COMMANDS = (
     make.babble,
     importing.import_data,
     importing.map_receptors,
-    importing.calibrate,
     make.learn,
     model.model,
     plan.plan,

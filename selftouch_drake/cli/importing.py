@@ -1,4 +1,4 @@
-"""Commands for data from elsewhere: import them, map and calibrate skins, score other methods."""
+"""Commands for data from elsewhere: import them, map skins, score other methods."""
 
 import itertools
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from selftouch_drake.cli.options import OUT, RUN, SET, numbers
+from selftouch_drake.cli.options import OUT, SET
 from selftouch_drake.cli.stages import progress_bar
 
 
@@ -141,37 +141,6 @@ def map_receptors(source: Path, out: Path | None, touches: int, **how: Any) -> N
     for line in summary(found):
         click.echo(line)
     click.echo(f"map: {folder / 'map.csv'}\npicture: {folder / 'map.png'}")
-
-
-@click.command()
-@RUN
-@click.option("--robot", type=click.Path(path_type=Path), required=True, help="Its model file.")
-@click.option("--link", required=True, help="The link of the model that wears the skin.")
-@click.option("--frame", required=True, help="The frame of the model that touches.")
-@click.option(
-    "--radius",
-    type=click.FloatRange(min=0.0),
-    default=0.01,
-    show_default=True,
-    help="Radius of what touches, a ball, in m.",
-)
-@click.option(
-    "--receptors",
-    callback=numbers(int),
-    metavar="FIRST,LAST",
-    help="The receptors on the link.  [default: all]",
-)
-def calibrate(
-    run: Path, robot: Path, link: str, frame: str, radius: float, receptors: list[int] | None
-) -> None:
-    """Find receptors in metres, and joint offsets.
-
-    Needs a model of the robot, and so is no part of the naive agent. Touches should be gentle.
-    """
-    from selftouch_drake.run.calibrated import calibrate_run
-
-    for line in calibrate_run(run, robot, link, frame, radius, receptors):
-        click.echo(line)
 
 
 @click.command()

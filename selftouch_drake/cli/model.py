@@ -1,14 +1,16 @@
-"""The command that shows the body model of a run, and takes it home as files."""
+"""The command that shows the body model of a run, takes it home, or corrects a given one."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from selftouch_drake.cli.options import RUN
+from selftouch_drake.cli.options import RUN, numbers
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.body_model.model import BodyModel
+    from selftouch_drake.run.directory import RunDirectory
 
 
 # Columns of a table that goes into a file.
@@ -47,6 +49,32 @@ _WIDE = 160
 )
 @click.option("--mirror", is_flag=True, help="Write the mirror image.")
 @click.option("--rejected", is_flag=True, help="Write parts that were rejected as well.")
+@click.option(
+    "--start",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A model of the robot that you have, to be corrected: URDF; SDFormat, MJCF and model "
+    "directives are compared.",
+)
+@click.option("--link", help="With --start: the link that wears the skin.")
+@click.option("--frame", help="With --start: the frame or link that touches it.")
+@click.option(
+    "--radius",
+    type=click.FloatRange(min=0.0),
+    help="With --start: radius of what touches, a ball, in m.  [default: 0.01]",
+)
+@click.option(
+    "--receptors",
+    callback=numbers(int),
+    metavar="FIRST,LAST",
+    help="With --start: the receptors on the link.  [default: all]",
+)
+@click.option(
+    "--taxels",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="With --start: places of the receptors on the link, to be checked.",
+)
 def model(
     run: Path,
     files: tuple[Path, ...],
@@ -55,8 +83,9 @@ def model(
     depth: float | None,
     mirror: bool,
     rejected: bool,
+    **start: Any,
 ) -> None:
-    """Print the joints that the agent found, or export its body.
+    """Print the joints found, export them, or correct a model.
 
     RUN is a run directory that has learned.
 
@@ -93,19 +122,35 @@ def model(
     STEM_receptors.csv    place, normal and standard error of each receptor, on its part
     STEM_part_0.obj       the surface of a part; .stl and .ply hold the same
     STEM_experiment.yaml  an experiment with this robot, if length and depth are given
+
+    With --start a model that you have is put right by the touches of RUN, which need not have
+    learned: offsets, mounts, axes, lengths and receptors, with standard errors, and what is wrong
+    with it. The corrected copy goes to --urdf, or to FILE_refitted.urdf beside it.
+
+    \b
+    selftouch model RUN --start arm.urdf --link head --frame fingertip
     """  # noqa: D301 - click keeps the lines after a \b as they are
     from selftouch_drake.run.artifacts import load_body_model
     from selftouch_drake.run.directory import RunDirectory
 
     opened = RunDirectory.open(run)
+    given = {
+        "--length": length is not None,
+        "--distance": distance is not None,
+        "--depth": depth is not None,
+        "--mirror": mirror,
+        "--rejected": rejected,
+    }
+    if start["start"] is not None:
+        for option in (name for name, is_given in given.items() if is_given):
+            raise click.UsageError(
+                f"{option} is given with --start, which has metres; leave it out"
+            )
+        _correct(opened, files, start)
+        return
+    for option in (name for name, value in start.items() if value is not None):
+        raise click.UsageError(f"--{option} is given without --start; name the model to correct")
     if not files:
-        given = {
-            "--length": length is not None,
-            "--distance": distance is not None,
-            "--depth": depth is not None,
-            "--mirror": mirror,
-            "--rejected": rejected,
-        }
         for option in (name for name, is_given in given.items() if is_given):
             raise click.UsageError(f"{option} is given without --urdf; name the file to write")
         _print_model(load_body_model(opened))
@@ -117,16 +162,38 @@ def model(
         click.echo(line)
 
 
-def _print_model(found: "BodyModel") -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
+def _correct(run: "RunDirectory", files: tuple[Path, ...], given: dict[str, Any]) -> None:
+    """Corrects a model that somebody has, and prints what moved."""
+    from selftouch_drake.run.refitted import CHANGE_COLUMNS, Start, correct_model
 
+    for option in ("link", "frame"):
+        if given[option] is None:
+            raise click.UsageError(f"--start needs --{option}; name it as in the model")
+    if len(files) > 1:
+        raise click.UsageError("--urdf is given twice; --start writes one corrected file")
+    span = given["receptors"]
+    if span is not None and len(span) != 2:
+        raise click.UsageError(
+            f"--receptors has {len(span)} numbers; give the first and the last, as in 0,99"
+        )
+    start = Start(
+        model=given["start"],
+        link=given["link"],
+        frame=given["frame"],
+        radius=0.01 if given["radius"] is None else given["radius"],
+        receptors=None if span is None else (span[0], span[1]),
+        taxels=given["taxels"],
+    )
+    lines, rows = correct_model(run, start, files[0] if files else None)
+    _print_table(CHANGE_COLUMNS, rows)
+    for line in lines:
+        click.echo(line)
+
+
+def _print_model(found: "BodyModel") -> None:
     from selftouch_drake.run.model_text import JOINT_COLUMNS, PART_COLUMNS, is_off, model_text
 
-    text, console = model_text(found), Console(markup=False, highlight=False)
-    if not console.is_terminal:  # in a file nothing is cut
-        console = Console(markup=False, highlight=False, width=_WIDE)
+    text = model_text(found)
     click.echo(f"body model: {text.verdict}")
     for sentence in text.sentences:
         click.echo(sentence)
@@ -137,7 +204,18 @@ def _print_model(found: "BodyModel") -> None:
         click.echo("\n" + "\n".join(text.tree))
         tables.insert(0, (JOINT_COLUMNS, text.joints))
     for columns, rows in tables:
-        table = Table(*columns, box=SIMPLE_HEAD)
-        for row in rows:
-            table.add_row(*row)
-        console.print(table)
+        _print_table(columns, rows)
+
+
+def _print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(markup=False, highlight=False)
+    if not console.is_terminal:  # in a file nothing is cut
+        console = Console(markup=False, highlight=False, width=_WIDE)
+    table = Table(*columns, box=SIMPLE_HEAD)
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)

@@ -15,6 +15,8 @@ from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
 # Radius of the tube that a line is drawn as, as a share of its extent, and its sides.
 _TUBE, _SIDES = 0.008, 8
 
+# From one part to the next where nobody knows how they stand, in largest extents.
+_BESIDE = 1.2
 # Smallest share of a part's kernels with which a skin belongs to the part.
 _LEAST_SHARE = 0.05
 
@@ -85,6 +87,42 @@ def laid_on_skins(
                 places=places,
                 num_kernels=len(part.kernels),
                 faces=_outward(places, faces, None if closed else at_home),
+                closed=closed,
+                is_line=is_line,
+            )
+        )
+    return tuple(parts)
+
+
+def laid_out(body: RecoveredBody) -> tuple[RecoveredSkin, ...]:
+    """The parts of a recovered body whose truth nobody knows, one beside the other.
+
+    Each has a largest extent of 1, on no skin, in the pose in which the agent laid it out.
+    """
+    parts: list[RecoveredSkin] = []
+    for number, part in enumerate(body.parts):
+        if part.topology is None or part.space_dimension > 3:
+            continue
+        is_line = part.skin_dimension == 1
+        faces = fitted_surface(part.places, part.topology, part.skin_dimension)
+        if not len(faces):
+            continue
+        places = np.pad(part.places, ((0, 0), (0, 3 - part.places.shape[1])))
+        low, high = places.min(axis=0), places.max(axis=0)
+        places = (places - (low + high) / 2) / (high - low).max()
+        places += [_BESIDE * len(parts), 0.0, 0.0]
+        closed = is_line or bool(part.topology.betti[2])
+        if is_line:
+            places, faces = _tube(places, faces)
+        if closed:
+            faces = _outward(places, faces, None)
+        parts.append(
+            RecoveredSkin(
+                part=number,
+                skins=(),
+                places=places,
+                num_kernels=len(part.kernels),
+                faces=faces,
                 closed=closed,
                 is_line=is_line,
             )

@@ -30,7 +30,7 @@ from selftouch_drake.run.artifacts import (
 from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import require_robot
-from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins
+from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins, laid_out
 from selftouch_drake.show.skins import SkinSurface, all_moved, surfaces_of
 
 #: The targets that name a plan, in order; the first is a text if it begins in any configuration.
@@ -137,7 +137,11 @@ class RunData:
 
     @cached_property
     def recovered(self) -> tuple[RecoveredSkin, ...]:
-        """The recovered parts, each on its skins at home."""
+        """The recovered parts, each on its skins at home; side by side if these are unknown."""
+        if not self.run.experiment.has_truth:
+            if parts := laid_out(self.body):
+                return parts
+            raise MissingError("no surface goes through the recovered body; record more touches")
         truth = self.kernel_truth
         if not truth.is_surface:
             raise NoSurfaceError(

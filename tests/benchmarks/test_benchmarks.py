@@ -113,7 +113,7 @@ SMALL: dict[str, list[str]] = {
     ],
     "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
     "cost/diagrams": ["--count", "1"],
-    "accuracy/calibration": ["--seeds=1", "--out={tmp}/table.md"],
+    "accuracy/given_model": ["--seeds=1", "--out={tmp}/table.md"],
     "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
 

@@ -24,6 +24,8 @@ from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.imported import imported_experiment, read_data
 from selftouch_drake.run.naming import free_start
+from selftouch_drake.show.page.report import far_apart
+from selftouch_drake.show.run_data import RunData
 
 ROOT = Path(__file__).parents[2]
 NUM_ROWS, NUM_RECEPTORS, NUM_TARGETS = 30_000, 300, 150
@@ -234,7 +236,10 @@ def test_the_report_says_what_there_is(run):
     text = " ".join(re.sub("<[^>]+>", " ", page).split())
     assert "Another robot recorded its 7 joints (joint_0, joint_1" in text
     assert "taxels[7]" in text
-    assert page.count("was imported, without a robot") == 1
+    assert "was imported, without a robot" not in page
+    for title in ("Against the truth", "Predicted and felt", "practises", "under dynamics"):
+        assert title not in text, title
+    assert len(set(far_apart(RunData(run)))) == 2
     assert not run.babbling.exists(), "nothing of it babbled in Drake"
     assert "babbling.html" not in page
     assert "selftouch evaluate" not in page
@@ -242,7 +247,8 @@ def test_the_report_says_what_there_is(run):
     model = load_body_model(run.path)
     assert not model.accepted
     assert model.reason in html.unescape(text)
-    assert {path.stem for path in run.figures.glob("*.png")} == {"quotient_graph", "persistence"}
+    drawn = {path.stem for path in run.figures.glob("*.png")}
+    assert drawn == {"found_numbers", "found_receptors", "quotient_graph", "persistence"}
 
 
 PLAN = ("--from", 3, "--to", 100)

@@ -12,6 +12,7 @@ from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.show.page import motion_figures, robot_pictures
+from selftouch_drake.show.page.found_figures import found_numbers, found_receptors
 from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
 from selftouch_drake.show.page.shape_figures import body_shape, persistence, quotient_graph
 from selftouch_drake.show.page.skeleton_figures import skeleton
@@ -65,11 +66,22 @@ FIGURES: dict[str, Callable[[RunData], Figure]] = {
     )
 }
 
+# Where nobody knows the robot: what was found, with the numbers and the names on it.
+FOUND_FIGURES: dict[str, Callable[[RunData], Figure]] = {
+    draw.__name__: draw
+    for draw in (found_numbers, found_receptors, quotient_graph, persistence, skeleton, life)
+}
+
+
+def figures_of(data: RunData) -> dict[str, Callable[[RunData], Figure]]:
+    """The figures of a run: `FIGURES`, or `FOUND_FIGURES` where there is no truth."""
+    return FIGURES if data.run.experiment.has_truth else FOUND_FIGURES
+
 
 def draw_figures(
     data: RunData, progress: Progress = silent, *, vector: bool = False
 ) -> dict[str, Path | str]:
-    """Draws `FIGURES` into the folder of a run.
+    """Draws the figures of a run into its folder.
 
     Older pictures of what cannot be drawn are removed, because they show what is no longer true.
 
@@ -84,8 +96,12 @@ def draw_figures(
     """
     drawn = dict[str, Path | str]()
     data.run.figures.mkdir(exist_ok=True)
-    for number, (name, draw) in enumerate(FIGURES.items()):
-        progress(number / len(FIGURES), name.replace("_", " "))
+    figures = figures_of(data)
+    for name in {**FIGURES, **FOUND_FIGURES}.keys() - figures.keys():
+        for kind in ("png", "pdf"):
+            (data.run.figures / f"{name}.{kind}").unlink(missing_ok=True)
+    for number, (name, draw) in enumerate(figures.items()):
+        progress(number / len(figures), name.replace("_", " "))
         path, for_papers = (data.run.figures / f"{name}.{kind}" for kind in ("png", "pdf"))
         for_papers.unlink(missing_ok=True)
         try:

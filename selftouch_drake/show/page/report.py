@@ -109,6 +109,9 @@ def report_page(
         no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
         plans=plans,
+        # Nothing moves where a robot's recordings are all there is.
+        plans_are_practised=experiment.imported is None,
+        ends=[] if plans[1] else far_apart(data),
         shown=data.shown_pair if plans[1] else None,
         recording=recording.name if isinstance(recording, Path) else "",
         babbling=babbling.name if babbling else "",
@@ -140,6 +143,16 @@ def turnable_body(data: RunData) -> str:
     ]
     named = np.concatenate(kernels_of)[labels].tolist()
     return json.dumps({"parts": parts, "labels": named}, separators=(",", ":"))
+
+
+def far_apart(data: RunData) -> list[int]:
+    """Two target sensations far apart on one part of the body, for a first plan; or none."""
+    with contextlib.suppress(MissingError):
+        part = max(data.recovered, key=lambda part: part.num_kernels)
+        places, kernels = part.positions, data.body.parts[part.part].kernels
+        two = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), 2)
+        return kernels[two].tolist()
+    return []
 
 
 def part_table(data: RunData) -> Table:

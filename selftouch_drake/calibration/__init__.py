@@ -1,1 +1,0 @@
-"""Metres for what a naive agent found: not naive itself, since it is given a kinematic model."""
