@@ -52,7 +52,7 @@ def main() -> tuple[list[int], list[int | None]]:
     felt = log.FindLog(simulator.get_context())
     time_s, sensation = felt.sample_times(), felt.data().T
     ends = [*TIMES[1:], END]
-    reached = [agent.felt(sensation[np.searchsorted(time_s, end - 0.01)]) for end in ends]
+    reached = [agent.target_felt(sensation[np.searchsorted(time_s, end - 0.01)]) for end in ends]
     in_touch = float(sensation.any(axis=1).mean())
     for wanted, now, end in zip(goals, reached, ends, strict=True):
         print(f"at {end:.1f} s wanted {wanted}, felt {now}")

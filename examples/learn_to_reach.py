@@ -160,7 +160,7 @@ def score_agent(num_tasks):
     pilot = pilot_in(DrakeBodies(world), agent, run.experiment)
     for q, goal in zip(robots.truth().q, observation["desired_goal"], strict=True):
         try:
-            motion = pilot.plan_from(q, agent.felt(goal)).motion
+            motion = pilot.plan_from(q, agent.target_felt(goal)).motion
         except NoWayError:
             reached.append(False)
             continue

@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from filelock import FileLock
 from hypothesis import settings
 
 from selftouch_drake.experiment import load_experiment
@@ -15,6 +14,9 @@ from selftouch_drake.run.directory import RunDirectory
 
 # pytest's importlib mode imports test files alone: this lets them share `fenced`.
 sys.path.insert(0, str(Path(__file__).parent))
+
+from made_once import made_once
+
 # Some share with `benchmarks`: the imitation of a real skin is the one there.
 sys.path.append(str(Path(__file__).parents[1]))
 
@@ -49,17 +51,14 @@ def world(request):
 @pytest.fixture(scope="session")
 def finished_run(tmp_path_factory) -> Path:
     """A small run of the cube with its report, made once for all workers; leave it as it is."""
-    shared = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        shared = shared.parent
-    path = shared / "cube"
-    with FileLock(shared / "cube.lock"):
-        if not (path / "report.html").exists():
-            from commands import SMALL, selftouch
 
-            done = selftouch("run", "cube", "--out", path, "--set", SMALL, "--workers", 1)
-            assert done.status == 0, done.stderr
-    return path
+    def make(path: Path) -> None:
+        from commands import SMALL, selftouch
+
+        done = selftouch("run", "cube", "--out", path, "--set", SMALL, "--workers", 1)
+        assert done.status == 0, done.stderr
+
+    return made_once(tmp_path_factory, "cube", make)
 
 
 @pytest.fixture

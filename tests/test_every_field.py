@@ -349,7 +349,7 @@ ACTED = {
     "execution.max_acceleration": (PLAN, nested("execution.max_acceleration", 0.1), duration),
     "execution.time_step": (
         EXECUTE,
-        nested("execution.time_step", 0.002),
+        nested("execution.time_step", 0.004),
         of_plan("felt", differs),
     ),
     "execution.stiffness": (

@@ -46,6 +46,7 @@ def test_both_fingers_of_a_gripper_feel_how_hard_they_hold():
     assert felt["height"] > 0.09
 
 
+@pytest.mark.slow
 def test_a_strangers_humanoid_feels_its_weight_from_head_to_toe():
     pytest.importorskip("gymnasium")
     felt, weight = run("humanoid")

@@ -66,7 +66,7 @@ CONSTANTS = {
     "plan": (
         *("sensations._SPACING_NEIGHBOUR", "links.LINK_SPACINGS", "links._MOST_APART"),
         *("links._LEAP_SPACINGS", "links._LEAP_POWER"),
-        *("route._JOINTS_POWER", "route._BODY_POWER", "route._MAX_VISITS", "route._APART"),
+        *("route.POWER", "route._MAX_VISITS", "route._APART"),
         *("firm._ISOLATED", "smooth.KNOT_SPACING", "smooth._SAMPLES_PER_INTERVAL"),
     ),
 }

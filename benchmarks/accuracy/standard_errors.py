@@ -16,14 +16,10 @@ from made_up_bodies import Case, case
 
 from selftouch_drake.agent.body_model.chain import shifted
 from selftouch_drake.agent.body_model.fit import chain_way
-from selftouch_drake.agent.body_model.refine import (
-    Scene,
-    Solution,
-    covariance,
-    moved_by,
-    refined,
-    started,
-)
+from selftouch_drake.agent.body_model.refine import moved_by, refined
+from selftouch_drake.agent.body_model.scene import Scene, Solution
+from selftouch_drake.agent.body_model.standard_errors import covariance
+from selftouch_drake.agent.body_model.who_touched import started
 
 NAMES = ("angle", "distance", "turn")
 

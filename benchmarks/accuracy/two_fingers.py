@@ -26,7 +26,7 @@ from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
 )
-from selftouch_drake.agent.shape.metrics import motor
+from selftouch_drake.agent.shape.metrics import locally_scaled, motor
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experience.store import Contacts, ExperienceReader
@@ -35,7 +35,6 @@ from selftouch_drake.quotient.dimension import intrinsic_dimension
 from selftouch_drake.quotient.distances import set_distances
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
 from selftouch_drake.quotient.kernels import KernelSets
-from selftouch_drake.quotient.lengths import locally_scaled
 from selftouch_drake.quotient.paths import geodesics
 from selftouch_drake.quotient.sensations import assign, strength, target_sensations
 from selftouch_drake.robot import World

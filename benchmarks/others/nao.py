@@ -28,8 +28,8 @@ from scipy.spatial.distance import cdist
 from scipy.stats import spearmanr
 from sklearn.manifold import Isomap
 
+from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.agent.shape.receptor_map import LEAST_FELT, map_receptors
-from selftouch_drake.quotient.layout import align
 
 DEVELOPED = ("rightArm_torso", "leftArm_torso", "head_leftFinger")
 JUDGED = (

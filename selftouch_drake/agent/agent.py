@@ -126,7 +126,7 @@ class Agent:
         vars(changed)["planner"] = self.planner  # which does not depend on it
         return changed
 
-    def felt(self, sensation: np.ndarray) -> int | None:
+    def target_felt(self, sensation: np.ndarray) -> int | None:
         """The target sensation nearest to a `(S,)` sensation; None if nothing is felt."""
         kernels = felt_kernels(self.representation, sensation)
         return int(kernels[0]) if len(kernels) else None

@@ -35,13 +35,10 @@ class Plan(MotorPath, Record):
     imagined: np.ndarray
 
     def __post_init__(self) -> None:
-        self.check_arrays(self.shapes())
-
-    def shapes(self) -> dict[str, tuple[int | None, ...]]:
-        """The shapes of its arrays, in which None is any length."""
         num = self.nodes.size
+        waypoints = dict.fromkeys(("nodes", "waypoint_s", "imagined"), (num,))
         steps = dict.fromkeys(("links", "in_air", "modes"), (num - 1,))
-        return {**MotorPath.shapes(self), **steps, "imagined": (num,)}
+        self.check_arrays({**waypoints, "waypoints_q": (num, None), **steps})
 
     def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""

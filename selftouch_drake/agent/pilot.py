@@ -108,7 +108,7 @@ class Pilot:
     def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> PlannedMotion:
         """Like `plan_from`, with the sensation at the start, `(S,)` N, already known."""
         limits = self.body.lower, self.body.upper
-        return self._planned([self.agent.felt(felt), goal], q_start, limits)
+        return self._planned([self.agent.target_felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` where the motion starts: a configuration of the first kernel.

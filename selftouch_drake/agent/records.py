@@ -7,7 +7,12 @@ from typing import Any, Self, get_origin, get_type_hints
 import numpy as np
 from scipy.interpolate import BSpline
 
-from selftouch_drake.quotient.records import BOOLEANS, REAL, WHOLE, check_arrays
+#: Kinds of numbers, as numpy's letters and as errors call them.
+Kind = tuple[str, str]
+FINITE: Kind = ("iuf", "finite numbers")
+REAL: Kind = ("iuf", "real numbers")  # may be NaN
+WHOLE: Kind = ("iu", "whole numbers")
+BOOLEANS: Kind = ("b", "booleans")
 
 #: Kinds of numbers of the arrays that do not hold finite numbers.
 _KINDS = {
@@ -15,6 +20,7 @@ _KINDS = {
     **dict.fromkeys(("in_air", "imagined", "overlap", "mode_joints"), BOOLEANS),
     **dict.fromkeys(("nodes", "links", "modes", "node", "offsets"), WHOLE),
     **dict.fromkeys(("missed", "kernel_mode", "part"), WHOLE),
+    **dict.fromkeys(("kernel_offsets", "kernel_row", "edges"), WHOLE),
     # Of a body model, in which what is unknown is NaN.
     **dict.fromkeys(("joint_parent", "joint_kind", "order_group"), WHOLE),
     **dict.fromkeys(("part_link", "toucher_link", "num_touches"), WHOLE),
@@ -72,7 +78,19 @@ class Record:
         Raises:
             ValueError: an array does not fit; the text names it.
         """
-        check_arrays(self, shapes, _KINDS, prefix=self.prefix)
+        for field, shape in shapes.items():
+            name, array = self.prefix + field, getattr(self, field)
+            sizes = zip(shape, array.shape, strict=False)
+            if array.ndim != len(shape) or any(want not in (None, have) for want, have in sizes):
+                expected = str(shape).replace("None", "any")
+                raise ValueError(f"{name} has shape {array.shape}, expected {expected}")
+            kind = _KINDS.get(field, FINITE)
+            letters, words = kind
+            fits = array.dtype.kind in letters
+            if fits and kind == FINITE:
+                fits = bool(np.isfinite(array).all())
+            if not fits:
+                raise ValueError(f"{name} must hold {words}")
 
 
 def _restored(name: str, kind: Any, arrays: Mapping[str, np.ndarray]) -> Any:

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial.distance import cdist, pdist
 
 from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, QuotientRepresentation
+from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.receptors import ReceptiveFields
-from selftouch_drake.quotient.layout import align
 
 #: Share of touches at one place from which on the quotient space is the surface of the skin. With
 #: two fingers on one hand it is the space of their poses: 71 % of the touches of two fingers 6 cm

@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.support import bulge
+from selftouch_drake.agent.shape.surface import fitted_surface
 from selftouch_drake.lazy import trimesh as lazy_trimesh
 from selftouch_drake.quotient.holes import topology
-from selftouch_drake.quotient.surface import fitted_surface
 
 if TYPE_CHECKING:
     import trimesh

@@ -12,24 +12,23 @@ before it:
 1. `sensations`, `kernels`: target sensations, and motor kernel sets, the points of M/=_Psi.
 2. `distances`, `scale`, `paths`, `representation`, `graph`: distances between these points, and a
    graph over them; what the agent keeps of both.
-3. `experience`, `learn`: all of that from arrays.
-4. `lengths`, `layout`, `alpha`, `holes`, `surface`, `dimension`, `body`: what the graph says about
+3. `checks`, `learn`: all of that from arrays.
+4. `lengths`, `layout`, `alpha`, `holes`, `dimension`, `body`: what the graph says about
    the body.
 5. `links`, `firm`, `route`, `waypoints`, `smooth`, `plan`: motions from any sensation to any other.
 
-`threads` and `records` are tools. Nothing here knows more than arrays: what a body with several
+`threads` are tools. Nothing here knows more than arrays: what a body with several
 parts, hands or habits needs beside the paper hands it arrays or functions.
 
 Sensations S are `sensation`, motor configurations M are `q`, in the robot's units. Scaled ones are
 `x`: `q` times a factor for each joint (`scale`). Their unit is the *motor unit*, mu. A distance
 between sensations is often counted in *spacings*, the distance between neighbouring targets.
 
-What a tuned constant trades stands beside it: what half and twice its value change on a cube with
-six joints and on a torus with nine, after 30,000 touches, with 200 targets ("cube; torus").
-*Shape* is the error of the recovered shape, in % of the extent of the body; *contact* is the share
-of the length of plans on which something is felt, the mean of 20 plans. The command is
-`python benchmarks/accuracy/constants.py runs/cube_0 runs/turning_body_5 --pairs 20`, and the table
-`docs/data/constants.csv`.
+What a tuned constant trades stands beside it. What half and twice its value change is in the table
+`docs/data/constants.csv`, on a cube with six joints and a torus with nine: *shape* is the error of
+the recovered shape, in % of the extent of the body; *contact* is the share of the length of plans
+on which something is felt. The command is
+`python benchmarks/accuracy/constants.py runs/cube_0 runs/turning_body_5 --pairs 20`.
 """
 
 from .body import Shape as Shape

@@ -15,45 +15,40 @@ import numpy as np
 
 from .layout import Embedding, curvature_corrected_mds, stress_embedding
 
+# Values that separate two kinds were measured on rings, strips, spheres, cubes, tori, tubes, flat
+# patches and forearms of 12 to 1000 kernels; the values of both kinds are given.
+
 #: Ranks of the neighbours between which growth is measured around each kernel: near enough that
-#: neither the far side of a thin part nor a rim counts. Half and twice of either decide the same.
+#: neither the far side of a thin part nor a rim counts.
 _NEAR, _FAR = 2, 12
 
-#: A skin has one dimension if it grows more slowly than this. Measured on target sensations: rings
-#: and strips 1.0 to 1.2; spheres, cubes, tori, patches and forearms, of 12 to 1000 kernels, from
-#: 1.9 on. Half changes nothing; twice calls every surface a line.
+#: A skin has one dimension if it grows more slowly than this: lines 1.0 to 1.2, surfaces from 1.9.
 _LINE = 1.5
 
 #: A layout may be flat if its third eigenvalue is below this share of the first: tori have 0.15.
 _THIN = 0.05
 
-#: It is flat if the third dimension divides the stress of the unbent layout by less than this. Flat
-#: patches of 60 to 300 kernels, lengths wrong by 2 to 10 %: 1.1 to 2.1; a third of a sphere: 3.9
-#: and more.
+#: It is flat if the third dimension divides the stress of the unbent layout by less than this: flat
+#: patches 1.1 to 2.1, a third of a sphere 3.9.
 _FLAT = 2.2
 
-#: A layout may lack a dimension if its fourth eigenvalue is above this share of the first. Measured
-#: on six bodies, 100 to 1000 kernels: 0.03 to 0.13 where the shape is right.
+#: A layout may lack a dimension if its fourth eigenvalue is above this share of the first: 0.03 to
+#: 0.13 where the shape is right.
 MISFIT = 0.15
 
-#: It lacks one if a fourth divides the stress by more than this. Spheres, cubes, tori, tubes and
-#: patches, lengths wrong by up to 15 %: 1.0 to 1.1; a flat torus, which has no place in space: 3.3.
-#: The layouts are not unbent: bent enough, even a flat torus fits.
+#: It lacks one if a fourth divides the stress by more than this: bodies in space 1.0 to 1.1, a flat
+#: torus 3.3. The layouts are not unbent: bent enough, even a flat torus fits.
 _LACKING = 2.0
 
 #: The dimension of a part is measured between the balls that hold these shares of all kernels: from
-#: a few neighbours to where the body curves away. Measured on spheres, cubes and tori of 300 and
-#: 1000 kernels: 2.0 to 2.3; starting at 2 %, inside the second ring, gives 1.6 to 2.2. Half: 2.26;
-#: 2.19, as they are: 2.13; 2.11, twice: 2.07; 2.09.
+#: a few neighbours to where the body curves away. Larger balls give lower dimensions.
 _SHARES = (0.01, 0.1)
 
 #: Fewest neighbours in the smallest ball, on a line and on a surface; the first share of a small
-#: body would hold fewer. On 200 kernels with half: 2.35; 2.34, with twice: 2.00; 2.04.
+#: body would hold fewer.
 _LEAST_NEIGHBOURS = {1: 8, 2: 3}
 
-#: The largest ball holds at least so many times as many kernels. Below 150 kernels, a tenth of them
-#: would not: between less than a ring of neighbours and a ring, surfaces had 2 to 5 dimensions. On
-#: 200 kernels half changes nothing, twice 0.02.
+#: The largest ball holds at least so many times as many kernels; a tenth of a small body does not.
 _LEAST_GROWTH = 5
 
 #: Fewest kernels on which growth can be measured; with fewer, no dimension is given.

@@ -17,10 +17,9 @@ import numpy as np
 from .kernels import KernelSets
 from .threads import in_slices, thread_pool
 
-#: Most queries per set. More of them change distances by less than 2 %, and take longer. At 60,
-#: 120, 240, nearest kernels are truly near in 99.2, 99.8, 99.7; 77.7, 82.2, 83.1 %.
+#: Most queries per set. More of them change distances by less than 2 %, and take longer.
 MAX_QUERIES = 120
-#: Queries per set where a rough distance is enough: shape and plans are the same with 8 and 32.
+# Queries per set where a rough distance is enough.
 _FEW_QUERIES = 16
 # Sets whose few queries are compared in one call.
 _TOGETHER = 8

@@ -13,10 +13,7 @@ from .distances import quantile, square_step
 from .representation import Representation
 
 # A configuration is isolated if it is farther than this from all strong ones of its kernel, in mu.
-# Measured on a torus with two fingers (150 plans): out of contact on 1.1 % of the length if plans
-# use the strongest half, on 0.7 % if they use the strongest third and the isolated ones. The worst
-# of 200 plans with one finger: 18 % and 3 %. At half, as it is, twice, contact on the cube is 98.2,
-# 97.6, 95.1 %.
+# Without them, from the strongest half, the worst of 200 plans lost contact on 18 % instead of 3 %.
 _ISOLATED = 1.0
 
 

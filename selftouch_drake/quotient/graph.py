@@ -25,13 +25,12 @@ from .sensations import unlike
 if TYPE_CHECKING:
     import networkx as nx
 
-#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6. It trades the
-#: dimension against short cuts. At 6, 12, 24: shape 3.9, 4.0, 4.8; 2.8, 2.9, 3.8 %, dimension 1.85,
-#: 2.13, 2.92; 1.84, 2.11, 2.84.
+#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6. With more, edges
+#: become short cuts (shape); with fewer, the dimension is too low.
 NUM_MUTUAL = 12
 
-#: Nearest that are neighbours in any case: nearly one ring. At 2, 5, 10: shape 4.0, 4.0, 4.1; 2.9,
-#: 2.9, 3.0 %. Fewer save no work, and leave kernels isolated where fields are uneven.
+#: Nearest that are neighbours in any case: nearly one ring. With fewer, kernels are isolated where
+#: fields are uneven.
 NUM_KEPT = 5
 
 

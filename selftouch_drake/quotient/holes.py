@@ -15,20 +15,17 @@ from scipy.spatial import cKDTree
 
 from .alpha import alpha_filtration
 
-#: Bars between these lengths, in meeting radii, may be true or false; `topology` says why. Half
-#: changes nothing; twice finds one loop of two and no void in a torus with nine joints.
+#: Bars between these lengths, in meeting radii, may be true or false; `topology` says why.
 _UNSURE = (1.0, 1.3)
 
 #: Length that stands for a missing bar, and the margin where no bar is false.
 _NO_LENGTH, _MOST_MARGIN = 1e-100, 100.0
 
 #: Bars born later than this, in meeting radii, are not holes of the body. On sampled surfaces,
-#: loops are born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to
-#: 2.5. Half misses the void of the cube; twice changes nothing.
+#: loops are born when neighbours meet, at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
 _LATE = 4.0
 
-#: Neighbours from which the spacing around a point is measured. At 4, 8, 16, the margin is 6.7,
-#: 8.2, 6.6; 2.1, 2.1, 2.3; holes are the same.
+#: Neighbours from which the spacing around a point is measured; it moves the margin alone.
 _NEIGHBOURS = 8
 
 

@@ -57,29 +57,9 @@ def literal(
     return BodyGraph(edges=edges, length=minimum[i, j], kernel=np.arange(len(minimum)))
 
 
-def motor(representation: Representation) -> BodyGraph:
-    """Set distances between neighbours, each scaled to the spacing around it."""
-    edges = representation.edges
-    length = locally_scaled(representation.set_distance[edges[:, 0], edges[:, 1]], edges)
-    return BodyGraph(edges=edges, length=length, kernel=np.arange(representation.num_targets))
-
-
 def sensorimotor(representation: Representation) -> BodyGraph:
     """Neighbours by motor sets or by sensations; lengths are angles between sensations."""
     targets = representation.target_sensations
     apart = np.where(unlike(targets), np.inf, target_distances(targets)[0])
     edges = np.unique(np.vstack([representation.edges, neighbour_edges(apart)]), axis=0)
     return BodyGraph(edges=edges, length=angles(targets, edges), kernel=np.arange(len(targets)))
-
-
-def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
-
-    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
-    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
-    redundant the arm is there.
-    """
-    i, j = edges.T
-    total = np.bincount(edges.ravel(), np.repeat(length, 2))
-    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
-    return length / np.sqrt(spacing[i] * spacing[j])

@@ -14,7 +14,6 @@ from scipy.interpolate import BSpline
 from .firm import firm_rows, goal_rows
 from .kernels import KernelSets
 from .links import leap_penalty, link_lengths, step_links
-from .records import WHOLE, check_arrays
 from .representation import Representation
 from .route import Query, RouteGraph, carried_route
 from .smooth import KNOT_SPACING, path_length, smooth_path
@@ -43,14 +42,6 @@ class MotorPath:
     waypoints_q: np.ndarray
     waypoint_s: np.ndarray
     path: BSpline
-
-    def __post_init__(self) -> None:
-        check_arrays(self, self.shapes(), {"nodes": WHOLE})
-
-    def shapes(self) -> dict[str, tuple[int | None, ...]]:
-        """The shapes of its arrays, in which None is any length."""
-        num = self.nodes.size
-        return {"nodes": (num,), "waypoint_s": (num,), "waypoints_q": (num, None)}
 
     @property
     def goal(self) -> int:
@@ -118,7 +109,8 @@ def plan(
     ends = representation.scaled(representation.kernel_q[goal_rows(representation, goal)])
     ends = ends.astype(np.float32)
     query = Query(start, x_start, goal, ends)
-    nodes = carried_route(graph, query, planning_graph.penalty, planning_graph.length)
+    price = graph.step_price(planning_graph.penalty)
+    nodes = carried_route(graph, query, price, planning_graph.length)
     if not len(nodes):
         raise ValueError(
             f"no links lead from target {start} to {goal}: babble longer, or give fewer targets"

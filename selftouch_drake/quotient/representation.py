@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .kernels import KernelSets
-from .records import WHOLE, check_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,9 +36,6 @@ class Representation:
         edge_cost: `(E,)` mu, mean nearest-neighbour distance between the stronger halves of both
             kernels: their configurations that were felt more strongly than the median.
         num_touches: rows of the experience.
-
-    Raises:
-        ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
     """
 
     target_sensations: np.ndarray
@@ -53,32 +49,6 @@ class Representation:
     edges: np.ndarray
     edge_cost: np.ndarray
     num_touches: int
-
-    def __post_init__(self) -> None:
-        matrices = dict.fromkeys(("target_sensations", "kernel_q"), (None, None))
-        check_arrays(self, matrices)
-        num_kernels, (num_rows, num_joints) = len(self.target_sensations), self.kernel_q.shape
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "kernel_offsets": (num_kernels + 1,),
-            "kernel_row": (num_rows,),
-            "kernel_strength": (num_rows,),
-            "kernel_error": (num_rows,),
-            "joint_scale": (num_joints,),
-            "set_distance": (num_kernels, num_kernels),
-            "edges": (None, 2),
-            "edge_cost": self.edges.shape[:1],
-        }
-        check_arrays(self, shapes, dict.fromkeys(("kernel_offsets", "kernel_row", "edges"), WHOLE))
-        sizes = np.diff(self.kernel_offsets)
-        if self.kernel_offsets[0] != 0 or self.kernel_offsets[-1] != num_rows or (sizes < 1).any():
-            raise ValueError(
-                f"kernel_offsets must rise from 0 to {num_rows}, the number of rows of kernel_q, "
-                "without empty kernels"
-            )
-        if not 0 <= self.edges.min(initial=0) <= self.edges.max(initial=0) < num_kernels:
-            raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}")
-        if not (self.joint_scale > 0).all():
-            raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors")
 
     @property
     def num_targets(self) -> int:

@@ -16,20 +16,14 @@ from .distances import Nearest, linked_nearest, square_step
 from .kernels import KernelSets
 from .paths import component_labels
 
-# Steps of joints cost this power of their squared length: in mu if a route prefers joints, in
-# typical steps if it prefers the body (a whole power takes less time). Contact is lost on the
-# longest tenth of the steps; to keep its path on the body short, a route must avoid these alone.
-# Measured on 100 plans on each of three runs (torus twice, cube; 100,000 touches, 300 targets):
-# with joints, the path is 1.63, 1.54, 1.45 times the shortest (median), contact 99.8, 99.5, 99.5 %;
-# with body 1.29, 1.22, 1.22 and 99.8, 99.8, 99.5 %. If the length along the body counts twice,
-# 1.20, 1.17, 1.15 and 99.6, 99.5, 98.9 %. Body at 2, 4, 8: contact 96.7, 97.6, 98.2; 86.7, 86.2,
-# 85.0 %, on plans of 4.5, 4.5, 4.5; 10.2, 11.3, 12.1 mu.
-_JOINTS_POWER, _BODY_POWER = 1.5, 4
+# A step of the joints costs this power of its squared length, in typical steps. Contact is lost on
+# the longest tenth of the steps: a route avoids these alone, to keep its path on the body short. A
+# whole power takes less time.
+POWER = 4
 
 # How many configurations of one kernel a search may visit, and their least distance (mu). The
 # first visit is not always the best to continue from: with 1, 4 and 8 visits the sum of cubed steps
-# is 1.3, 1.1 and 1.08 times the optimum. Half and twice of either change contact on the cube by at
-# most 0.3 %.
+# is 1.3, 1.1 and 1.08 times the optimum.
 _MAX_VISITS = 4
 _APART = 0.3
 
@@ -85,6 +79,10 @@ class RouteGraph:
             typical_step=typical or 1.0,
         )
 
+    def step_price(self, penalty: np.ndarray) -> np.ndarray:
+        """`(L,)` what a squared step costs along each link, by `(L,)` penalties, 1 or more."""
+        return penalty / self.typical_step ** (2 * POWER)
+
     def joins(self, start: int, goal: int) -> bool:
         """Whether links lead from one kernel to the other."""
         return bool(self.component[start] == self.component[goal] >= 0)
@@ -107,52 +105,45 @@ class Query(NamedTuple):
 
 
 def carried_route(
-    graph: RouteGraph, query: Query, penalty: np.ndarray, length: np.ndarray | None = None
+    graph: RouteGraph, query: Query, price: np.ndarray, length: np.ndarray, power: float = POWER
 ) -> np.ndarray:
     """Dijkstra that carries motor configurations to every kernel it reaches.
 
     The search enters a kernel at its firm configuration nearest to the one carried by its parent.
-    The step costs a power of that distance, which is the distance that the agent would really move.
-    Powers prefer many short steps to a long one, which would leave the skin. A route that is to be
-    short on the body also pays for the length of each link. The search may enter a kernel several
-    times, at configurations far from each other.
+    A step costs `price * squared distance ** power + length`, of the distance that the agent would
+    really move. Powers prefer many short steps to a long one, which would leave the skin; the
+    length keeps the route short on the body. The search may enter a kernel several times, at
+    configurations far from each other.
 
     Args:
         graph: what is searched.
         query: where the route begins and ends.
-        penalty: `(L,)` positive factors on the cost of each link.
-        length: `(L,)` lengths of the links, as in `links.link_lengths`; None if only joints count.
+        price: `(L,)` positive, of each link, as from `RouteGraph.step_price`.
+        length: `(L,)` lengths of the links, as in `links.link_lengths`.
+        power: of the squared distance.
 
     Returns:
         `(N,)` kernels from the start to the goal; empty if the links do not join them.
     """
     if query.start == query.goal:
         return np.array([query.start])
-    if length is None:
-        power, unit, length = _JOINTS_POWER, 1.0, np.zeros(len(penalty))
-    else:
-        power, unit = _BODY_POWER, graph.typical_step
-    price = (penalty / unit ** (2 * power))[graph.way_link], length[graph.way_link], power
     x_start = np.asarray(query.x_start, dtype=np.float32)
     x_goal = np.ascontiguousarray(query.x_goal, dtype=np.float32)
     return _carry(
         (graph.firm.x, graph.firm_kernel, graph.firm.offsets),
         (graph.way_offsets, graph.way_kernel, *graph.steps),
-        price,
+        (price[graph.way_link], length[graph.way_link], power),
         (query.start, x_start, query.goal, x_goal),
     )
 
 
 # Plain tuples: numba takes a tenth of a millisecond to recognise named ones, in each call.
 @njit(cache=True)
-def _carry(firm, ways, price, query):
-    """The search of `carried_route`.
-
-    A step along a way costs `factor * squared step ** power + length`.
-    """
+def _carry(firm, ways, costs, query):
+    """The search of `carried_route`."""
     firm_x, firm_kernel, firm_offsets = firm
     way_offsets, way_kernel, step_offsets, step_row, step_squared = ways
-    factor, length, power = price
+    price, length, power = costs
     start, x_start, goal, x_goal = query
     num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
@@ -188,7 +179,7 @@ def _carry(firm, ways, price, query):
             else:
                 entry = step_offsets[way] + place - firm_offsets[kernel]
                 to, step = step_row[entry], step_squared[entry]
-            onward = through + factor[way] * np.float64(step) ** power + length[way]
+            onward = through + price[way] * np.float64(step) ** power + length[way]
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place
                 heapq.heappush(queue, (onward, to))

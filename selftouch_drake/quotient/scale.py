@@ -11,14 +11,12 @@ from .distances import linked_nearest
 from .kernels import KernelSets
 from .sensations import unit
 
-#: mu, standard deviation of scaled configurations, root mean square over joints. It is that of the
-#: paper's arm in radians, so a motor unit means the same for any robot. It trades nothing while
-#: learning, but knots and isolated touches of plans are measured in it.
+#: mu, standard deviation of scaled configurations, root mean square over joints: that of the
+#: paper's arm in radians. Knots and isolated touches of plans are measured in it.
 _SPREAD = 1.6
 
 #: Smallest influence of a joint, as a share of the largest (both squared): even a joint that does
-#: not change the sensation takes time to move. No joint of the two bodies has less: half and twice
-#: the value change nothing.
+#: not change the sensation takes time to move. No joint of the two bodies has less.
 _LEAST_INFLUENCE = 0.02
 
 

@@ -18,24 +18,19 @@ from .threads import in_slices
 # Rows that one thread assigns at once.
 _ROWS = 1024
 
-#: Iterations of Lloyd that move the targets. Few are intended: the start spaces targets evenly, but
-#: k-means run to convergence would crowd them where the agent touched most. Even spacing gives the
-#: edges of the quotient graph comparable lengths. Shape at 2, 4, 8: 4.0, 4.0, 4.3; 2.8, 2.9, 3.0 %;
-#: contact 96.7, 97.6, 95.7; 86.3, 86.2, 86.2 %.
+#: Iterations of Lloyd. Few are intended: the start spaces targets evenly, which gives edges
+#: comparable lengths; k-means run to convergence would crowd them where the agent touched most.
 _LLOYD = 4
 
 #: Below this squared distance two unit sensations are the same one, to float32 rounding.
 _SAME = 1e-6
 
 # Target sensations with a smaller cosine have nothing in common, so they are not neighbours. With
-# two arms on one body and 60 kernels on a forearm (12 joints), a sixth of the edges joined such
-# kernels: the shape error was 16 %, and 5 % without them. With six joints there are hardly any:
-# half and twice the value change the shape by at most 0.2 %, contact by at most 0.7 %.
+# six joints hardly any edge joins such kernels, with twelve a sixth do: shape 16 % instead of 5 %.
 _LEAST_ALIKE = 0.05
 
-# The spacing of targets is the distance to the neighbour of this rank, as on a surface. It is the
-# unit in which leaps of plans are measured: at 3, 6, 12, contact is 98.1, 97.6, 97.2; 90.9, 86.2,
-# 89.3 %, on plans of 5.3, 4.5, 4.5; 13.5, 11.3, 11.9 mu.
+# The spacing of targets is the distance to the neighbour of this rank, as on a surface. Leaps of
+# plans are measured in it: fewer give more contact on longer plans.
 _SPACING_NEIGHBOUR = 6
 
 

@@ -15,11 +15,9 @@ from scipy.linalg import solveh_banded
 
 DEGREE = 5
 # Knots this far apart (mu of path length) follow the polyline of a thousand kernels closely
-# enough to keep contact, and round its corners. At half and twice, contact is 97.4, 97.1; 86.2,
-# 86.4 % (97.6; 86.2 as it is), and jerk 2.6; 2.8 times as large and a third.
+# enough to keep contact, and round its corners. At half, jerk is 2.6 times as large.
 KNOT_SPACING = 0.135
-# Midpoints of each knot interval at which distance and jerk are summed; 4 and 16 give plans of the
-# same contact, length and jerk.
+# Midpoints of each knot interval at which distance and jerk are summed.
 _SAMPLES_PER_INTERVAL = 8
 
 

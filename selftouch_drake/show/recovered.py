@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.agent.shape.recovery import RecoveredBody
+from selftouch_drake.agent.shape.surface import fitted_surface
 from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.quotient.layout import align
-from selftouch_drake.quotient.surface import fitted_surface
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
 
 # Radius of the tube that a line is drawn as, as a share of its extent, and its sides.

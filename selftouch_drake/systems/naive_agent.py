@@ -129,10 +129,10 @@ class NaiveAgent(LeafSystem):
         """What it is about from now on; it rests at the end of a path."""
         q, now = path.value(path.end_time()).ravel(), context.get_time()
         still = Intention(goal=goal, path=_resting(q))
-        wanted = self._agent.felt(goal)
+        wanted = self._agent.target_felt(goal)
         if wanted is None:
             return still
-        here = self._agent.felt(self._sensation.Eval(context))
+        here = self._agent.target_felt(self._sensation.Eval(context))
         try:
             plan = self._agent.plan(here, wanted, q_start=q)
         except ValueError:  # there is no way

@@ -22,7 +22,7 @@ def simulate(commander, seconds):
     return log.FindLog(simulator.get_context()).data().T
 
 experiment = load_experiment("cube")
-babbled = simulate(Babbler(experiment), 40.0)
+babbled = simulate(Babbler(experiment), 20.0)
 motion = load_motion(RUN, START, GOAL)
 followed = simulate(PlanSource(motion), motion.time_s[-1])
 """
@@ -38,7 +38,7 @@ def test_twenty_lines_babble_feel_and_follow_a_plan(finished_run):
     num_receptors = next(ExperienceReader(finished_run / "experience").batches("sensation")).shape[
         1
     ]
-    assert babbled.shape == (4001, num_receptors)
+    assert babbled.shape == (2001, num_receptors)
     assert 0.005 < babbled.any(axis=1).mean() < 0.5
     felt = followed[: len(motion.time_s)].any(axis=1)
     assert felt[motion.touching[: len(felt)]].mean() > 0.9

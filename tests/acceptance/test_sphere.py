@@ -10,21 +10,21 @@ from selftouch_drake.experience.store import ExperienceReader
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     path = tmp_path_factory.mktemp("sphere") / "run"
-    return made(path, "sphere", touches=60_000, targets=200, pairs=4)
+    return made(path, "sphere", touches=25_000, targets=150, pairs=0)
 
 
 def test_the_sphere_is_recovered(run):
     metrics = metrics_of(run)
     assert metrics["topology_betti"] == [1, 0, 1]
-    # 0.9 to 1.1 % with three seeds.
-    assert metrics["surface_rms_fraction"] < 0.015
+    # 1.4 to 1.5 % with three seeds.
+    assert metrics["surface_rms_fraction"] < 0.022
     assert metrics["shape_trusted"] is True
 
 
 def test_the_agent_knows_how_exact_its_sphere_is(run):
     metrics = metrics_of(run)
     ratio = metrics["shape_expected_error"] / metrics["surface_rms_fraction"]
-    # 0.96 to 1.11 with three seeds.
+    # 0.89 to 1.11 with three seeds.
     assert 0.65 < ratio < 1.7
 
 
@@ -45,7 +45,7 @@ def test_a_recording_of_the_sphere_is_recovered(run, tmp_path):
         sensation=counts[order].astype(np.uint8),
     )
     imported = tmp_path / "run"
-    fewer = "{representation: {num_targets: 200}}"
+    fewer = "{representation: {num_targets: 150, body_model: off}}"
     assert selftouch("import", tmp_path / "recording.npz", "--out", imported, "--set", fewer) == 0
     assert selftouch("learn", imported) == 0
     assert metrics_of(imported)["topology_betti"] == [1, 0, 1]

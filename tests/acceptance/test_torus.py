@@ -3,6 +3,8 @@
 import pytest
 from acceptance_runs import made, metrics_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def metrics(tmp_path_factory):

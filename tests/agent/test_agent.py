@@ -10,7 +10,7 @@ from selftouch_drake.agent.motions import NO_KERNEL, Execution
 from selftouch_drake.agent.representation.touches import felt_kernels
 from selftouch_drake.agent.tries import judged_try
 
-NUM_ROWS = 40_000
+NUM_ROWS = 24_000
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def test_a_free_start_lands_on_the_part_of_its_goal(agent, part):
 
 def test_a_plan_from_a_touch_begins_with_what_is_felt(agent, experience):
     q, sensation, _, _ = experience
-    start = agent.felt(sensation[7])
+    start = agent.target_felt(sensation[7])
     goal = int(np.flatnonzero(agent.representation.part == agent.representation.part[start])[3])
     assert agent.plan(start, goal, q_start=q[7]).nodes[0] == start
     with pytest.raises(ValueError, match="limits of the joint"):
@@ -137,7 +137,7 @@ def test_a_plan_from_a_touch_begins_with_what_is_felt(agent, experience):
 
 
 def test_nothing_felt_needs_a_configuration(agent):
-    assert agent.felt(np.zeros(120)) is None
+    assert agent.target_felt(np.zeros(120)) is None
     with pytest.raises(ValueError, match=r"^q_start is missing"):
         agent.plan(None, 3)
 
@@ -179,7 +179,7 @@ def test_two_hands_that_rarely_touch_at_once_are_separated():
     both = sensation[:, :60].any(axis=1) & sensation[:, 60:120].any(axis=1)
     kernels = felt_kernels(representation, sensation[both][0])
     assert len(set(representation.part[kernels])) == 2
-    assert agent.felt(sensation[both][0]) == kernels[0]
+    assert agent.target_felt(sensation[both][0]) == kernels[0]
 
 
 def test_two_touches_that_are_the_rule_are_kept():

@@ -68,6 +68,7 @@ def test_a_double_cover_has_two_points_over_each():
     assert np.diag(unrolled[:120, 120:]).min() > 2 * found.middle
 
 
+@pytest.mark.slow
 def test_swapping_the_ends_of_a_chord_takes_four_turns_to_come_undone():
     rng = np.random.default_rng(0)
     middle, across = rng.standard_normal((2, 3000, 3))

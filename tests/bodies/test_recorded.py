@@ -43,7 +43,7 @@ def imported(folder, num_rows):
         touch=felt.sensation[felt.reached],
         joint_names=np.array(body.joint_names),
     )
-    settings = "{representation: {num_targets: 50, metric: sensorimotor}}"
+    settings = "{representation: {num_targets: 50, metric: sensorimotor, body_model: off}}"
     done("import", folder / "toy.npz", "--out", folder / "run", "--set", settings)
     return folder / "run"
 

@@ -102,7 +102,7 @@ def test_a_lost_round_is_lived_again_to_the_same_bytes(reference):
 def test_what_it_knows_does_not_depend_on_where_it_was_stopped():
     """The learner measures distances again only where enough is new since it was last asked."""
     whole, rounds = living(active(3000)), []
-    for _ in range(8):
+    for _ in range(5):
         shard = whole.explore(300)
         whole.remember(shard.q, shard.sensation)
         rounds.append((shard.q, shard.sensation))

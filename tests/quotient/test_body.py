@@ -4,7 +4,7 @@ from bodies_by_hand import shape_error
 
 from selftouch_drake.quotient import learn, recover
 from selftouch_drake.quotient.layout import classical_embedding
-from selftouch_drake.quotient.lengths import literal, motor
+from selftouch_drake.quotient.lengths import literal
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +40,6 @@ def test_the_papers_own_metric_is_of_the_complete_graph(representation):
 
     found = recover(representation, literal, lay_out)
     assert shape_error(found.positions, places(representation)) < 0.1
-
-
-def test_the_body_may_be_measured_in_motor_space(representation):
-    found = recover(representation, motor)
-    assert found.distances.max() != pytest.approx(recover(representation).distances.max())
-    assert found.topology.betti == (1, 0, 1)
 
 
 def test_a_ring_is_a_line_in_a_plane():

@@ -57,9 +57,10 @@ def test_centres_of_groups_keep_the_force_and_its_centre():
 
 @pytest.mark.parametrize("reading", [BINARY, COUNTS])
 def test_worlds_read_alike(reading):
-    overrides = {"skins": {"body": {"num_receptors": 30, "reading": reading}}}
-    experiment = load_experiment("sphere", overrides)
-    plain = load_experiment("sphere", {"skins": {"body": {"num_receptors": 30}}})
+    surface = {"shape": "sphere", "radius": 0.25, "resolution": 0.05}
+    skin = {"num_receptors": 30, "surface": surface}
+    experiment = load_experiment("sphere", {"skins": {"body": skin | {"reading": reading}}})
+    plain = load_experiment("sphere", {"skins": {"body": skin}})
     world, forces = World(experiment), World(plain)
     forces.skins = world.skins
     q = np.random.default_rng(0).uniform(*world.robot.babbled_range, (3000, 6))

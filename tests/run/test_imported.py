@@ -28,7 +28,7 @@ from selftouch_drake.show.page.report import far_apart
 from selftouch_drake.show.run_data import RunData
 
 ROOT = Path(__file__).parents[2]
-NUM_ROWS, NUM_RECEPTORS, NUM_TARGETS = 30_000, 300, 150
+NUM_ROWS, NUM_RECEPTORS, NUM_TARGETS = 20_000, 200, 150
 SET = f"{{representation: {{num_targets: {NUM_TARGETS}, metric: sensorimotor}}}}"
 SILENT = 7
 
@@ -40,7 +40,7 @@ def recording():
 
 @pytest.fixture(scope="module")
 def data(recording, tmp_path_factory):
-    """Two files with 7 joints and 300 eight-bit receptors, as a real robot writes them."""
+    """Two files with 7 joints and 200 eight-bit receptors, as a real robot writes them."""
     folder = tmp_path_factory.mktemp("data") / "my_robot"
     folder.mkdir()
     raw = recording.raw.copy()
@@ -79,7 +79,7 @@ def run(learned, tmp_path):
 def test_what_was_found_is_reported(data, tmp_path, capfd):
     assert selftouch("import", data, "--out", tmp_path / "run", "--set", SET) == 0
     out = capfd.readouterr().out
-    assert "rows: 30,000, of which 1 are incomplete and " in out
+    assert f"rows: {NUM_ROWS:,}, of which 1 are incomplete and " in out
     assert "joints: 7 (joint_0, joint_1, joint_2, joint_3, joint_4, joint_5, joint_6)" in out
     assert "readings rise with pressure" in out
     assert "spikes: each reading is the median of three in time" in out
@@ -182,9 +182,8 @@ def test_a_good_shape_is_trusted(tmp_path):
     data, path = tmp_path / "ball.npz", tmp_path / "run"
     q = np.hstack([place, rng.uniform(-0.1, 0.1, (6000, 1))])
     np.savez(data, q=q, touch=np.clip(1.0 - apart / 0.7, 0.0, None))
-    assert (
-        selftouch("import", data, "--offset", 0, "--threshold", 0, "--out", path, "--set", SET) == 0
-    )
+    settings = ("--out", path, "--set", SET.replace("metric", "body_model: off, metric"))
+    assert selftouch("import", data, "--offset", 0, "--threshold", 0, *settings) == 0
     assert selftouch("learn", path) == 0
     metrics = RunDirectory.open(path).metrics()
     assert metrics["shape_trusted"] is True
@@ -372,7 +371,7 @@ def test_mistakes_leave_no_run(data, tmp_path, capfd):
     for words, message in (
         ((tmp_path / "nowhere",), "nowhere does not exist; give a file or a folder"),
         ((data, "--q", "angle_*"), "--q is 'angle_*'; "),
-        ((data, "--threshold", "300"), "nothing is felt in 29999 rows: "),
+        ((data, "--threshold", "300"), f"nothing is felt in {NUM_ROWS - 1} rows: "),
         ((data, "--set", "{skins: 3}"), "skins is 3; give a mapping by name"),
         ((data, "--max-velocity", "0"), "imported.max_velocity[0] is 0.0"),
     ):

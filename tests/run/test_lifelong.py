@@ -35,7 +35,7 @@ def babbled(path, strategy):
         {
             "skins": {"body": {"surface": surface, "num_receptors": 30}},
             "babbling": {"num_samples": 1200, "walk_size": 600, "strategy": strategy},
-            "representation": {"num_targets": 60, "metric": "sensorimotor"},
+            "representation": {"num_targets": 60, "metric": "sensorimotor", "body_model": "off"},
             "evaluation": {"num_pairs": 1},
             "changes": [{"after": 1000, "skins": {"body": {"dead": [0]}}}],
         },

@@ -8,8 +8,8 @@ from commands import refused, selftouch
 from scipy.spatial.distance import cdist
 from scipy.stats import spearmanr
 
+from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.agent.shape.receptor_map import map_receptors
-from selftouch_drake.quotient.layout import align
 
 PITCH, FIELD = 1.0, 1.6
 

@@ -14,6 +14,7 @@ from selftouch_drake.show.outputs import write_report
 sys.path.insert(0, str(Path(__file__).parent))
 
 from laid_out import lay_out
+from made_once import made_once
 
 MALICIOUS = '<script>alert("&")</script>'
 
@@ -37,7 +38,11 @@ def unrendered(monkeypatch):
 @pytest.fixture(scope="session")
 def reported(tmp_path_factory) -> RunDirectory:
     """A run that was executed and reported, under a malicious name."""
-    run = lay_out(tmp_path_factory.mktemp("runs") / "run", name=MALICIOUS)
+    return RunDirectory.open(made_once(tmp_path_factory, "reported", _report_of_a_ball))
+
+
+def _report_of_a_ball(path: Path) -> None:
+    run = lay_out(path, name=MALICIOUS)
     style, ports = dict(mpl.rcParams), []
     had_one = page_meshcat.knows()
 
@@ -53,15 +58,16 @@ def reported(tmp_path_factory) -> RunDirectory:
     # For all its pages a thread opens one, unless other tests had it open one; it is left empty.
     assert len(ports) == (0 if had_one else 1)
     assert not any(map(page_meshcat().HasPath, ("/drake", "/skins", "/expected", "/recovered")))
-    return run
 
 
 @pytest.fixture(scope="session")
 def two_skins(tmp_path_factory) -> RunDirectory:
     """A reported run of two skins, one on an arm that moves."""
-    run = lay_out(tmp_path_factory.mktemp("runs") / "two_skins", kind="two_skins")
-    write_report(run)
-    return run
+
+    def make(path: Path) -> None:
+        write_report(lay_out(path, kind="two_skins"))
+
+    return RunDirectory.open(made_once(tmp_path_factory, "two_skins", make))
 
 
 @pytest.fixture(scope="module", autouse=True)

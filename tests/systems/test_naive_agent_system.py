@@ -45,7 +45,7 @@ class Acting:
         self.simulator.AdvanceTo(self.context.get_time() + duration)
 
     def felt(self):
-        return self.agent.felt(self.diagram.GetOutputPort("sensation").Eval(self.context))
+        return self.agent.target_felt(self.diagram.GetOutputPort("sensation").Eval(self.context))
 
 
 def goal_of(agent, number):

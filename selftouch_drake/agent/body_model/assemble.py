@@ -8,11 +8,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.judge import Judgement
 from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
-from selftouch_drake.agent.body_model.refine import (
-    Scene,
-    Solution,
-    solution_places,
-)
+from selftouch_drake.agent.body_model.scene import Scene, Solution, solution_places
 from selftouch_drake.agent.body_model.sizes import outward_normals
 from selftouch_drake.agent.body_model.support import nearest_toucher, shape_moved
 from selftouch_drake.agent.body_model.tree import Tree, for_readings

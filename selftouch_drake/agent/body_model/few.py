@@ -22,7 +22,7 @@ from selftouch_drake.agent.body_model.judge import (
     unproven,
 )
 from selftouch_drake.agent.body_model.model import JointKind
-from selftouch_drake.agent.body_model.refine import kernel_medians, neighbour_distance
+from selftouch_drake.agent.body_model.scene import kernel_medians, neighbour_distance
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished, spread
 from selftouch_drake.agent.body_model.structure import Search
 

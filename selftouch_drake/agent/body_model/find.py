@@ -22,16 +22,15 @@ from selftouch_drake.agent.body_model.judge import (
 )
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejected
 from selftouch_drake.agent.body_model.planes import in_a_plane
-from selftouch_drake.agent.body_model.refine import (
+from selftouch_drake.agent.body_model.refine import refined
+from selftouch_drake.agent.body_model.scene import (
     Scene,
     Solution,
-    covariance,
     kernel_sums,
-    refined,
     solution_places,
-    started,
 )
 from selftouch_drake.agent.body_model.sizes import carried_over, with_sizes
+from selftouch_drake.agent.body_model.standard_errors import covariance
 from selftouch_drake.agent.body_model.structure import (
     Search,
     found_chains,
@@ -40,6 +39,7 @@ from selftouch_drake.agent.body_model.structure import (
 )
 from selftouch_drake.agent.body_model.touchers import with_more
 from selftouch_drake.agent.body_model.tree import Tree
+from selftouch_drake.agent.body_model.who_touched import started
 
 # Touches that a search and a finish look at: more give nothing but time. A cube's places have an
 # error of 0.597 % with 30,000 touches and of 0.588 with 100,000.

@@ -9,16 +9,16 @@ import numpy as np
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.fit import Bodies, Descent, Group, Way, random_twists
 from selftouch_drake.agent.body_model.model import BASE
-from selftouch_drake.agent.body_model.refine import (
+from selftouch_drake.agent.body_model.scene import (
     Scene,
     Solution,
     all_places,
     kernel_medians,
     neighbour_distance,
-    started,
 )
 from selftouch_drake.agent.body_model.structure import Search
 from selftouch_drake.agent.body_model.tree import Tree
+from selftouch_drake.agent.body_model.who_touched import started
 
 # Touches on which hypotheses of where a part hangs compete.
 _HUNG = 2500

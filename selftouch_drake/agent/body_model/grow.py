@@ -17,7 +17,8 @@ from selftouch_drake.agent.body_model.forest import (
     hung,
     joined,
 )
-from selftouch_drake.agent.body_model.refine import Scene, refined, started
+from selftouch_drake.agent.body_model.refine import refined
+from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import (
     Search,
     found_chains,
@@ -26,6 +27,7 @@ from selftouch_drake.agent.body_model.structure import (
     pair_statistic,
     population,
 )
+from selftouch_drake.agent.body_model.who_touched import started
 
 # Touches that a chain is searched with, and that a bundle is refined with while the tree grows.
 _SEARCHED, _BUNDLED = 20_000, 15_000

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.body_model.refine import kernel_medians, neighbour_distance
+from selftouch_drake.agent.body_model.scene import kernel_medians, neighbour_distance
 
 #: A part is accepted above this share of near touches among held-out inliers.
 ACCEPTED = 0.85

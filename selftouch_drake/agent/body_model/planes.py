@@ -8,7 +8,9 @@ chain whose axes are nearly parallel is tried with axes that are.
 import numpy as np
 
 from selftouch_drake.agent.body_model.chain import adjoint
-from selftouch_drake.agent.body_model.refine import Scene, Solution, refined, started
+from selftouch_drake.agent.body_model.refine import refined
+from selftouch_drake.agent.body_model.scene import Scene, Solution
+from selftouch_drake.agent.body_model.who_touched import started
 
 # Share of all turning that is about one axis above which a plane is tried.
 _PARALLEL = 0.8

@@ -17,18 +17,16 @@ from scipy.sparse.csgraph import (
     minimum_spanning_tree,
 )
 
-from selftouch_drake.agent.body_model.refine import (
+from selftouch_drake.agent.body_model.refine import refined, with_skin_of_now
+from selftouch_drake.agent.body_model.scene import (
     Scene,
     Sizes,
     Solution,
     all_places,
-    expected,
-    refined,
     solution_places,
-    started,
-    with_skin_of_now,
 )
 from selftouch_drake.agent.body_model.support import beside
+from selftouch_drake.agent.body_model.who_touched import expected, started
 
 #: Touchers have sizes if the mean logarithm of the distances of their held-out touches to their
 #: kernels falls by more. Measured on fists of the infant: 0.06 to 0.09; on fingertips: 0.0005.

@@ -14,7 +14,7 @@ import scipy.linalg
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import derivatives, places
-from selftouch_drake.agent.body_model.refine import gauge
+from selftouch_drake.agent.body_model.standard_errors import gauge
 
 # Shares of receptors are those of readings to this power: less lets weak ones speak too.
 _POWER = 0.7

@@ -6,15 +6,9 @@ import numpy as np
 
 from selftouch_drake.agent.body_model.chain import derivatives
 from selftouch_drake.agent.body_model.fit import Way
-from selftouch_drake.agent.body_model.refine import (
-    Scene,
-    Solution,
-    all_places,
-    expected,
-    metric,
-    refined,
-    started,
-)
+from selftouch_drake.agent.body_model.refine import refined
+from selftouch_drake.agent.body_model.scene import Scene, Solution, all_places
+from selftouch_drake.agent.body_model.who_touched import expected, metric, started
 
 #: A further point is added only if the negative log-likelihood of held-out labels falls by more,
 #: in nats per touch. Measured on one and two fingers: 0.4 for a true one, 0.01 for a false one.

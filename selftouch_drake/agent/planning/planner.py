@@ -19,6 +19,10 @@ from selftouch_drake.quotient.plan import Limits, path_through
 from selftouch_drake.quotient.route import Query, RouteGraph, carried_route
 from selftouch_drake.quotient.smooth import KNOT_SPACING
 
+# A route that keeps the motion of the joints short pays this power of each squared step, in mu. Its
+# path on the body is 1.45 to 1.63 times the shortest, against 1.22 to 1.29, for the same contact.
+_JOINTS_POWER = 1.5
+
 #: What a route keeps short: its path on the `body`, or the motion of the `joints`.
 Prefer = Literal["body", "joints"]
 
@@ -85,7 +89,7 @@ class Planner:
         self._rows_x = representation.scaled(representation.kernel_q).astype(np.float32)
         length = link_lengths(representation.target_sensations, self.links)
         self._leap_penalty = leap_penalty(length)
-        self._length = length if prefer == "body" else None
+        self._prefer, self._length = prefer, length
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(i, j): row for row, (i, j) in enumerate(self.links.tolist())}
 
@@ -231,9 +235,13 @@ class Planner:
         ends = memory.not_missed(goal_members(self.representation, goal, mode))
         goal_x = self._rows_x[ends][:, joints]
         penalty = self._leap_penalty * memory.link_penalty
-        length = None if self._length is None else self._length * memory.link_penalty
         query = Query(start, way.end[joints], goal, goal_x)
-        nodes = carried_route(graph, query, penalty, length).tolist()
+        if self._prefer == "body":
+            price, length = graph.step_price(penalty), self._length * memory.link_penalty
+            nodes = carried_route(graph, query, price, length).tolist()
+        else:
+            nothing = np.zeros(len(penalty))
+            nodes = carried_route(graph, query, penalty, nothing, _JOINTS_POWER).tolist()
         links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
         layers = [*(graph.firm.configurations(k) for k in nodes[1:-1]), goal_x]
         way.follow(nodes[1:], links, layers, mode)

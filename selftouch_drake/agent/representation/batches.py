@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.reservoir import Draw, KernelReservoir
-from selftouch_drake.quotient.experience import checked_experience
+from selftouch_drake.quotient.checks import checked_experience
 
 # Rows per block: bounds the memory.
 _BLOCK = 16_384

@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from selftouch_drake.agent.representation.batches import Batch, Batches
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.quotient.experience import NO_ROWS, as_numbers, check_sensation
+from selftouch_drake.quotient.checks import NO_ROWS, as_numbers, check_sensation
 from selftouch_drake.quotient.sensations import assign
 
 

@@ -50,16 +50,42 @@ class QuotientRepresentation(Representation, Record):
     num_set_aside: int = 0
 
     def __post_init__(self) -> None:
-        Representation.__post_init__(self)
-        self.check_arrays({"mode_joints": (None, self.kernel_q.shape[1])})
+        self.check_arrays(dict.fromkeys(("target_sensations", "kernel_q"), (None, None)))
         num_kernels, num_receptors = self.target_sensations.shape
+        num_rows, num_joints = self.kernel_q.shape
         self.check_arrays(
             {
-                "kernel_mode": (self.num_rows,),
+                "kernel_offsets": (num_kernels + 1,),
+                "kernel_row": (num_rows,),
+                "kernel_strength": (num_rows,),
+                "kernel_error": (num_rows,),
+                "joint_scale": (num_joints,),
+                "set_distance": (num_kernels, num_kernels),
+                "edges": (None, 2),
+                "edge_cost": self.edges.shape[:1],
+            }
+        )
+        sizes = np.diff(self.kernel_offsets)
+        if self.kernel_offsets[0] != 0 or self.kernel_offsets[-1] != num_rows or (sizes < 1).any():
+            raise ValueError(
+                f"kernel_offsets must rise from 0 to {num_rows}, the number of rows of kernel_q, "
+                "without empty kernels"
+            )
+        if not 0 <= self.edges.min(initial=0) <= self.edges.max(initial=0) < num_kernels:
+            raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}")
+        if not (self.joint_scale > 0).all():
+            raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors")
+        self.check_arrays(
+            {
+                "mode_joints": (None, num_joints),
+                "kernel_mode": (num_rows,),
                 "overlap": (num_receptors, num_receptors),
                 "part": (num_kernels,),
             }
         )
+        self._check_modes_and_parts()
+
+    def _check_modes_and_parts(self) -> None:
         num_modes = len(self.mode_joints)
         if not NO_MODE <= self.kernel_mode.min() <= self.kernel_mode.max() < num_modes:
             raise ValueError(f"kernel_mode must hold modes 0 to {num_modes - 1}, or {NO_MODE}")

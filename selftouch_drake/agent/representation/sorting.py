@@ -14,7 +14,7 @@ import numpy as np
 from selftouch_drake.agent.representation.batches import Batch, Batches, Map, checked, passed
 from selftouch_drake.agent.representation.reservoir import Draw, KernelReservoir, KernelSample
 from selftouch_drake.agent.representation.several_places import SeveralPlaces
-from selftouch_drake.quotient.experience import require_rows
+from selftouch_drake.quotient.checks import require_rows
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.learn import MAX_ROWS, Sizes
 from selftouch_drake.quotient.scale import joint_scale

@@ -26,7 +26,7 @@ from selftouch_drake.quotient.layout import (
     one_thread,
     stress_embedding,
 )
-from selftouch_drake.quotient.lengths import BodyGraph, locally_scaled
+from selftouch_drake.quotient.lengths import BodyGraph
 from selftouch_drake.quotient.sensations import angles, unlike
 
 Progress = Callable[[float], None]
@@ -97,8 +97,10 @@ def literal(
 
 
 def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
-    """As in `quotient.lengths.motor`."""
-    return lengths.motor(representation)
+    """Set distances between neighbours, each scaled to the spacing around it."""
+    edges = representation.edges
+    length = locally_scaled(representation.set_distance[edges[:, 0], edges[:, 1]], edges)
+    return BodyGraph(edges=edges, length=length, kernel=np.arange(representation.num_targets))
 
 
 def sensorimotor(representation: QuotientRepresentation, skin: int, *_: object) -> BodyGraph:
@@ -253,6 +255,19 @@ def between_cells(coordinates: KernelSets, skin: int) -> BodyGraph:
     edges = connected_edges(neighbour_edges(distance), distance)
     length = locally_scaled(cells.lengths(edges), edges)
     return BodyGraph(edges=edges, length=length, kernel=kernel)
+
+
+def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
+
+    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
+    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
+    redundant the arm is there.
+    """
+    i, j = edges.T
+    total = np.bincount(edges.ravel(), np.repeat(length, 2))
+    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
+    return length / np.sqrt(spacing[i] * spacing[j])
 
 
 def _classical(edges: np.ndarray, distances: np.ndarray, dimension: int) -> Embedding:

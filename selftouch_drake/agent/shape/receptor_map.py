@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.agent.shape.recovery import LEAST_MARGIN
 from selftouch_drake.agent.shape.unfolding import unfold
 from selftouch_drake.quotient.alpha import flat
 from selftouch_drake.quotient.dimension import LEAST_KERNELS
 from selftouch_drake.quotient.graph import connected_edges, neighbour_edges
 from selftouch_drake.quotient.holes import Topology, neighbour_spacings, topology
-from selftouch_drake.quotient.layout import align, curvature_corrected_mds
+from selftouch_drake.quotient.layout import curvature_corrected_mds
 from selftouch_drake.quotient.paths import geodesics
 
 #: A receptor that felt fewer touches is left out; below the second number it is in doubt.

@@ -8,7 +8,7 @@ from hand_made_chains import an_arm, touches
 
 from selftouch_drake.agent.body_model import grow
 from selftouch_drake.agent.body_model.fit import Bodies, chain_way
-from selftouch_drake.agent.body_model.refine import Scene
+from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import Search, order_of
 
 KERNELS = 60

@@ -11,7 +11,8 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.fit import chain_way
 from selftouch_drake.agent.body_model.judge import CHOICE, VERDICT, Sample, held_out, judged
 from selftouch_drake.agent.body_model.planes import in_a_plane
-from selftouch_drake.agent.body_model.refine import Scene, all_places, started
+from selftouch_drake.agent.body_model.scene import Scene, all_places
+from selftouch_drake.agent.body_model.who_touched import started
 
 KERNELS = 150
 

@@ -7,18 +7,10 @@ import pytest
 from hand_made_chains import an_arm, misfit, touches
 
 from selftouch_drake.agent.body_model.chain import places
-from selftouch_drake.agent.body_model.refine import (
-    Scene,
-    all_places,
-    as_if_true,
-    covariance,
-    equations,
-    gauge,
-    moved_by,
-    refined,
-    settled,
-    started,
-)
+from selftouch_drake.agent.body_model.refine import equations, moved_by, refined
+from selftouch_drake.agent.body_model.scene import Scene, all_places
+from selftouch_drake.agent.body_model.standard_errors import as_if_true, covariance, gauge
+from selftouch_drake.agent.body_model.who_touched import settled, started
 
 WAY = tuple((joint, 1) for joint in range(4))
 

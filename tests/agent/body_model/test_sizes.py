@@ -10,24 +10,19 @@ from hand_made_chains import an_arm, misfit, rolling, touches
 from selftouch_drake.agent.body_model.chain import exponentials, places, turns
 from selftouch_drake.agent.body_model.find import judge_part
 from selftouch_drake.agent.body_model.refine import (
-    Scene,
-    Sizes,
-    covariance,
     equations,
-    gauge,
     moved_by,
     refined,
-    settled,
-    solution_places,
-    started,
     with_skin_of_now,
 )
+from selftouch_drake.agent.body_model.scene import Scene, Sizes, solution_places
 from selftouch_drake.agent.body_model.sizes import (
     carried_over,
     outward_normals,
     sized,
     with_sizes,
 )
+from selftouch_drake.agent.body_model.standard_errors import covariance, gauge
 from selftouch_drake.agent.body_model.support import (
     beside,
     blended_normals,
@@ -35,6 +30,7 @@ from selftouch_drake.agent.body_model.support import (
     bulge_slopes,
     shape_moved,
 )
+from selftouch_drake.agent.body_model.who_touched import settled, started
 
 WAY = tuple((joint, 1) for joint in range(6))
 SHAPE = np.array([0.24, -0.18, 0.09, 0.15, -0.12])

@@ -10,7 +10,7 @@ from selftouch_drake.agent.body_model.find import _commuting
 from selftouch_drake.agent.body_model.fit import Group, random_twists
 from selftouch_drake.agent.body_model.forest import Body, Links, hung, similarity, twist_similarity
 from selftouch_drake.agent.body_model.model import BASE
-from selftouch_drake.agent.body_model.refine import Scene
+from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
 
 # Part 0 on link 0; joints 0, 1, 2 lead to toucher 0; joints 3, 4 to toucher 1; joint 5 turns link 0

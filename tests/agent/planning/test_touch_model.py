@@ -51,7 +51,7 @@ def met(q, firmness=None):
 @pytest.fixture(scope="module")
 def known():
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (200_000, 6))
-    return met(q[(radius(q) > CORE) & (radius(q) < SKIN)][:9000])
+    return met(q[(radius(q) > CORE) & (radius(q) < SKIN)][:4500])
 
 
 @pytest.fixture(scope="module")
@@ -102,9 +102,9 @@ def test_modes_share_the_steps_that_show_the_need_and_no_others(known, monkeypat
     trained = []
     monkeypatch.setattr(touch_model, "train", lambda *given: trained.append(given[-1]))
     monkeypatch.setattr(touch_model, "_sees_need", lambda *given: True)
-    monkeypatch.setattr(touch_model, "_MOST_STEPS", 900)
+    monkeypatch.setattr(touch_model, "_MOST_STEPS", 450)
     TouchModel.learn(two_modes, lambda: sensation)
-    assert trained == [600, 900, 900, 900, 300, 900, 900, 900]
+    assert trained == [300, 450, 450, 450, 150, 450, 450, 450]
 
 
 def test_a_way_known_by_heart_is_not_taken_for_the_skin(monkeypatch):
@@ -112,7 +112,7 @@ def test_a_way_known_by_heart_is_not_taken_for_the_skin(monkeypatch):
     monkeypatch.setattr(touch_model, "_OFF", 0.0)  # correlation alone decides
     monkeypatch.setattr(touch_model, "_LEAST_CORRELATION", 0.6)
     monkeypatch.setattr(touch_model, "_NUM_NETWORKS", 1)
-    noise = np.random.default_rng(0).standard_normal((7, 9299))
+    noise = np.random.default_rng(0).standard_normal((7, 4799))
     *way, firmness = (np.convolve(row, np.full(300, 0.06), "valid") for row in noise)
     representation, sensation = met(np.stack(way, axis=1), np.exp(firmness))
     assert TouchModel.learn(representation, lambda: sensation).of_mode == (None,)

@@ -55,13 +55,13 @@ def test_a_receptor_that_never_feels_overlaps_with_itself_alone():
 
 
 def test_many_receptors_are_pooled_by_what_they_feel():
-    # Two rings of 600 receptors, which a touch feels within a hundredth of a ring; ten touches of
-    # each. The last receptor never feels.
+    # Two rings of 600 receptors, which a touch feels within a hundredth of a ring; five touches
+    # of each. The last receptor never feels.
     rng = np.random.default_rng(0)
-    place, ring = rng.random(12_000), rng.integers(2, size=12_000)
+    place, ring = rng.random(6_000), rng.integers(2, size=6_000)
     apart = (place[:, None] - np.arange(600) / 600 + 0.5) % 1 - 0.5
     field = np.maximum(1 - np.abs(apart) / 0.01, 0)
-    sensation = np.zeros((12_000, 1201))
+    sensation = np.zeros((6_000, 1201))
     for one in range(2):
         sensation[:, 600 * one : 600 * (one + 1)] = field * (ring == one)[:, None]
     together = receptors_together(sensation)

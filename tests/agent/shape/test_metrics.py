@@ -5,7 +5,7 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape import metrics
-from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, locally_scaled
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
 from selftouch_drake.experiment import schema
 from selftouch_drake.quotient.dimension import intrinsic_dimension
@@ -214,3 +214,10 @@ def test_lengths_are_shortened_where_map_and_sets_show_a_rim():
     shorter = shortened(rims, rims)
     assert shorter[~across].mean() > 0.99
     assert 0.6 < shorter[across].mean() < 0.9
+
+
+def test_local_scale_evens_out_crowded_and_sparse_places():
+    edges = np.array([[0, 1], [1, 2], [3, 4], [4, 5]])
+    place = np.array([0.0, 1.0, 2.0, 10.0, 15.0, 20.0])
+    length = place[edges[:, 1]] - place[edges[:, 0]]
+    np.testing.assert_allclose(locally_scaled(length, edges), 1.0)

@@ -5,7 +5,7 @@ from skins import touch
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
-from selftouch_drake.quotient.surface import fitted_surface
+from selftouch_drake.agent.shape.surface import fitted_surface
 
 
 @pytest.fixture(scope="module")

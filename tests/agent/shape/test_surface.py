@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from bodies_by_hand import cube, sphere, torus
 
+from selftouch_drake.agent.shape.surface import fitted_surface, rolled_surface
 from selftouch_drake.quotient.holes import topology
-from selftouch_drake.quotient.surface import fitted_surface, rolled_surface
 
 
 def euler(faces: np.ndarray) -> int:

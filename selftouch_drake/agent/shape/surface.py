@@ -1,11 +1,11 @@
-"""The surface through the kernels: "shaded areas are fitted surfaces" (paper, figure 3)."""
+"""The surface through the kernels: "shaded areas are fitted surfaces" (paper, figure 3; naive)."""
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from .alpha import alpha_filtration, circumspheres, delaunay
-from .holes import Topology
+from selftouch_drake.quotient.alpha import alpha_filtration, circumspheres, delaunay
+from selftouch_drake.quotient.holes import Topology
 
 
 def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.ndarray:

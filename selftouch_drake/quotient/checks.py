@@ -1,4 +1,4 @@
-"""The experience (M, S): motor configurations that led to non-null sensations (paper, section III).
+"""Checks of the experience (M, S): is it as a skin can feel it (paper, section III)?
 
 "The motor configurations that led to non-null sensation are stored (the sensation signal being null
 when no finger touches the body)."
