@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from selftouch_drake.agent.body_model.reach import Reach
+from selftouch_drake.agent.body_model.surface import TouchedSurface
 
 # Steps of damped least squares that put a posture onto its place, each at most so long, mu.
 _PUT, _LONGEST = 8, 0.6
@@ -69,6 +70,13 @@ class Lifter:
         """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""
         place, by_q = self.reach.places(x / self.scale, normal)
         return place, by_q / self.scale[self.reach.joints]
+
+    def centres(self, x: np.ndarray, surface: TouchedSurface) -> np.ndarray:
+        """`(n, 3)` the toucher's places at `(n, J)` x, where it touches a surface or is near it."""
+        place, _ = self.places(x, np.zeros((len(x), 3)))
+        if self.reach.shape.any():
+            place, _ = self.places(x, surface.projected(place)[1])
+        return place
 
     def put(
         self, x: np.ndarray, place: np.ndarray, normal: np.ndarray, *, steps: int = _PUT

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from selftouch_drake.agent.body_model.lift import Lifter, SkinWay
 from selftouch_drake.agent.body_model.model import BodyModel
-from selftouch_drake.agent.body_model.postures import PostureGraph
+from selftouch_drake.agent.body_model.roadmap import Roadmap
 from selftouch_drake.agent.body_model.surface import TouchedSurface, evenly, touched_surfaces
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
@@ -30,9 +30,8 @@ _BEGUN = 3
 _GOALS, _KEPT = 10, 2
 # Tolerances of the toucher's place across and along the skin, in distances of kernels.
 _ACROSS, _ALONG = 0.05, 0.2
-# Where a step between two knots is longer than this, mu, a motion is divided into more and shorter
-# ones, so often.
-_LONG, _SHORT, _RETIMED, _MOST_KNOTS = 0.5, 0.2, 3, 150
+# mu between knots of a way through touches, and most of these.
+_SHORT, _MOST_KNOTS = 0.2, 150
 # Rounds that ease a way through touches.
 _EASED = 10
 # A motion that is farther from its way across the skin than this may lose it.
@@ -48,12 +47,14 @@ class Slide:
 
     Attributes:
         surface: the skin and the toucher.
+        lifter: its kinematics, in limits.
         x: `(T, J)` scaled postures.
-        error: the farthest that the toucher is from its way, in distances of kernels, beyond the
-            first knots.
+        error: the farthest that the toucher is from its way across the skin, beyond the first
+            knots, or from its end, in distances of kernels.
     """
 
     surface: TouchedSurface
+    lifter: Lifter
     x: np.ndarray
     error: float
 
@@ -78,7 +79,7 @@ class ImaginedPlanner:
             np.arange(representation.num_targets), np.diff(representation.kernel_offsets)
         )
         self._kernel = kernel
-        self._graphs: dict[tuple[int, int], tuple[PostureGraph, np.ndarray, np.ndarray]] = {}
+        self._roadmaps: dict[tuple[int, int], Roadmap] = {}
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
 
     def plan(
@@ -110,7 +111,7 @@ class ImaginedPlanner:
                 if surface.reach.part != self.model.kernel_part[goal]:
                     continue
                 lifter = Lifter(reach=surface.reach, scale=scale, lower=lower, upper=upper)
-                if here is not None and self._touches(surface, x):
+                if here is not None and self._touches(lifter, surface, x):
                     slides += self.slides(lifter, surface, x, goal)
             if not slides:
                 return None
@@ -130,7 +131,7 @@ class ImaginedPlanner:
         ends = self._ends(surface, goal)
         if not len(ends):
             return []
-        start, _ = self._at(surface, x)
+        start, _ = self._at(lifter, surface, x)
         middle = np.median(surface.place[ends], axis=0)
         place = surface.way(start, surface.projected(middle[None])[0][0], _KNOTS)
         if place is None:
@@ -151,7 +152,9 @@ class ImaginedPlanner:
         order = np.argsort([self._cost(self._slide(lifter, surface, x, way)) for x in rough])
         found = list[Slide]()
         for number in order:
-            found.append(self._smoothed(lifter, surface, rough[number], way))
+            found.append(
+                self._slide(lifter, surface, lifter.smoothed(rough[number], way), way)
+            )
             if sum(slide.error <= _MISSED for slide in found) >= _KEPT:
                 break
         if min(slide.error for slide in found) > _MISSED:
@@ -161,97 +164,61 @@ class ImaginedPlanner:
     def _round_about(
         self, lifter: Lifter, surface: TouchedSurface, x: np.ndarray, goals: np.ndarray
     ) -> list[Slide]:
-        """Motions through firm touches, where the straight way asks too much of the joints."""
-        joints, spacing = surface.reach.joints, surface.spacing
-        graph, place, known = self._postures(surface)
-        at, normal = surface.projected(self._places(surface, np.concatenate([x[None], goals])))
-        key = np.concatenate(
-            [at / spacing, np.concatenate([x[None], goals])[:, joints]], axis=1
-        )
-        passed = graph.way(key[0], key[1:])
-        if not len(passed):
+        """A motion through firm touches, where the straight way asks too much of the joints."""
+        passed = self._roadmap(lifter, surface).way(x, goals)
+        if passed is None:
             return []
-        keys = np.concatenate([place[passed] / spacing, known[passed]], axis=1)
-        last = key[1:][np.linalg.norm(key[1:] - keys[-1], axis=1).argmin()]
-        keys = np.concatenate([key[:1], keys[1:-1], last[None]])
-        keys = evenly(keys, _KNOTS)
+        joints, spacing = surface.reach.joints, surface.spacing
+        place = surface.projected(lifter.centres(passed, surface))[0]
+        keys = np.concatenate([place / spacing, passed[:, joints]], axis=1)
+        length = np.linalg.norm(np.diff(keys, axis=0), axis=1).sum()
+        keys = evenly(keys, int(np.clip(length / _SHORT, _KNOTS, _MOST_KNOTS)))
         for _ in range(_EASED):
             keys[1:-1] = 0.5 * keys[1:-1] + 0.25 * (keys[:-2] + keys[2:])
         on_it, normal = surface.projected(keys[:, :3] * spacing)
         way = SkinWay(
             place=on_it, normal=normal, across=_ACROSS * spacing, along=_ALONG * spacing
         )
-        rough = np.tile(x, (_KNOTS, 1))
+        rough = np.repeat(x[None], len(keys), axis=0)
         rough[1:, joints] = keys[1:, 3:]
         rough[1:] = lifter.put(rough[1:], on_it[1:], normal[1:])
-        return [self._smoothed(lifter, surface, rough, way)]
+        return [self._slide(lifter, surface, lifter.smoothed(rough, way), way)]
 
-    def _postures(self, surface: TouchedSurface) -> tuple[PostureGraph, np.ndarray, np.ndarray]:
-        """The graph of firm touches of a surface, their places and scaled joints."""
+    def _roadmap(self, lifter: Lifter, surface: TouchedSurface) -> Roadmap:
+        """The roadmap of a surface, made when it is first needed."""
         name = surface.reach.part, surface.reach.toucher
-        if name not in self._graphs:
-            place = surface.place[surface.firm]
+        if name not in self._roadmaps:
             rows = surface.row[surface.firm]
             x = self.representation.scaled(self.representation.kernel_q[rows])
-            x = x[:, surface.reach.joints]
             random = np.random.default_rng(self.model.seed)
-            graph = PostureGraph.of(place / surface.spacing, x, random)
-            self._graphs[name] = graph, place, x
-        return self._graphs[name]
-
-    def _smoothed(
-        self, lifter: Lifter, surface: TouchedSurface, x: np.ndarray, way: SkinWay
-    ) -> Slide:
-        """A rough motion, smoothed; where it turns the arm over it gets time for that."""
-        joints = surface.reach.joints
-        for _ in range(_RETIMED):
-            steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
-            if steps.max() <= _LONG:
-                break
-            keys = np.concatenate([way.place / surface.spacing, x[:, joints]], axis=1)
-            length = np.linalg.norm(np.diff(keys, axis=0), axis=1).sum()
-            keys = evenly(keys, int(np.clip(length / _SHORT, _KNOTS, _MOST_KNOTS)))
-            place, normal = surface.projected(keys[:, :3] * surface.spacing)
-            place[[0, -1]] = way.place[[0, -1]]
-            way = SkinWay(place=place, normal=normal, across=way.across, along=way.along)
-            again = np.repeat(x[:1], len(keys), axis=0)
-            again[1:, joints] = keys[1:, 3:]
-            again[1:] = lifter.put(again[1:], place[1:], normal[1:])
-            x = again
-        return self._slide(lifter, surface, lifter.smoothed(x, way), way)
+            self._roadmaps[name] = Roadmap(surface, lifter, x.astype(float), random)
+        return self._roadmaps[name]
 
     def _slide(
         self, lifter: Lifter, surface: TouchedSurface, x: np.ndarray, way: SkinWay
     ) -> Slide:
         # Between knots as well: a wrist that turns over there leaves the skin.
         x_dense, place, normal = dense(x), dense(way.place), dense(way.normal)
-        off = np.einsum("ta,ta->t", lifter.places(x_dense, normal)[0] - place, normal)
-        return Slide(
-            surface=surface,
-            x=x,
-            error=float(np.abs(off[_BEGUN * _BETWEEN :]).max()) / surface.spacing,
-        )
+        off = lifter.places(x_dense, normal)[0] - place
+        across = np.abs(np.einsum("ta,ta->t", off, normal))[_BEGUN * _BETWEEN :]
+        error = max(across.max(), np.linalg.norm(off[-1])) / surface.spacing
+        return Slide(surface=surface, lifter=lifter, x=x, error=float(error))
 
     @staticmethod
     def _cost(slide: Slide) -> float:
-        return path_length(slide.x)[-1] + 50.0 * max(0.0, slide.error - _MISSED)
+        return path_length(slide.x)[-1] + 200.0 * max(0.0, slide.error - _MISSED)
 
-    def _touches(self, surface: TouchedSurface, x: np.ndarray) -> bool:
-        place = self._at(surface, x)[1]
+    def _touches(self, lifter: Lifter, surface: TouchedSurface, x: np.ndarray) -> bool:
+        place = self._at(lifter, surface, x)[1]
         return bool(surface.nodes.query(place)[0] < _NEAR * surface.spacing)
 
-    def _at(self, surface: TouchedSurface, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @staticmethod
+    def _at(
+        lifter: Lifter, surface: TouchedSurface, x: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """`(3,)` the place of the surface that a posture touches, and the toucher's own."""
-        place = self._places(surface, x[None])
+        place = lifter.centres(x[None], surface)
         return surface.projected(place)[0][0], place[0]
-
-    def _places(self, surface: TouchedSurface, x: np.ndarray) -> np.ndarray:
-        """`(n, 3)` places of the toucher at `(n, J)` scaled postures."""
-        q = x / self.representation.joint_scale
-        place = surface.reach.places(q, np.zeros((len(q), 3)))[0]
-        if surface.reach.shape.any():
-            place = surface.reach.places(q, surface.projected(place)[1])[0]
-        return place
 
     def _ends(self, surface: TouchedSurface, goal: int) -> np.ndarray:
         """Touches of the surface at which motions to a goal end."""
@@ -269,7 +236,7 @@ class ImaginedPlanner:
         surface = slide.surface
         own = np.unique(self._kernel[surface.row])
         own = own[np.isfinite(self.model.kernel_place[own]).all(axis=1)]
-        place = self._places(surface, slide.x)
+        place = slide.lifter.centres(slide.x, surface)
         apart = np.linalg.norm(place[:, None] - self.model.kernel_place[own], axis=2)
         return own[apart.argmin(axis=1)]
 
