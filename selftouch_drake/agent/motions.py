@@ -43,6 +43,11 @@ class Plan(MotorPath, Record):
         steps = dict.fromkeys(("links", "in_air", "modes"), (num - 1,))
         return {**MotorPath.shapes(self), **steps, "imagined": (num,)}
 
+    @property
+    def is_imagined(self) -> bool:
+        """Whether it comes from a body model: no step of it follows a link of the quotient."""
+        return len(self.links) > 0 and bool((self.links < 0).all() and (self.modes < 0).all())
+
     def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""
         rows = np.flatnonzero(~self.imagined)

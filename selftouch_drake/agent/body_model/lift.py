@@ -1,4 +1,4 @@
-"""From a way over the skin to a motion of the joints: inverse kinematics, made smooth as a whole."""
+"""From a way over the skin to a motion of the joints: inverse kinematics, smooth as a whole."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,10 @@ from scipy.linalg import solveh_banded
 from selftouch_drake.agent.body_model.reach import Reach
 from selftouch_drake.agent.body_model.surface import TouchedSurface
 
+# Tolerances of the toucher's place across and along the skin, in distances of kernels.
+_ACROSS, _ALONG = 0.05, 0.2
+# A posture touches the skin if its toucher is nearer to it than this, in distances of kernels.
+_NEAR = 1.5
 # Steps of damped least squares that put a posture onto its place, each at most so long, mu.
 _PUT, _LONGEST = 8, 0.6
 # Share of the joints' squared reach by which these steps are damped.
@@ -55,27 +59,50 @@ class Lifter:
     Postures are scaled, mu, over the joints of the reach alone where it says `(…, L)`.
 
     Attributes:
-        reach: the kinematics.
+        surface: the skin and the toucher.
         scale: `(J,)` mu per unit of each joint's reading.
         lower: `(J,)` lowest scaled posture.
         upper: `(J,)` highest scaled posture.
+        pressure: how much deeper than firm touches ways are, in distances of kernels.
     """
 
-    reach: Reach
+    surface: TouchedSurface
     scale: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    pressure: float = 0.0
+
+    @property
+    def reach(self) -> Reach:
+        """The kinematics."""
+        return self.surface.reach
+
+    def over(self, place: np.ndarray) -> SkinWay:
+        """A way over the skin through `(T, 3)` places on the surface."""
+        spacing = self.surface.spacing
+        normal = self.surface.projected(place)[1]
+        return SkinWay(
+            place=place - self.pressure * spacing * normal,
+            normal=normal,
+            across=_ACROSS * spacing,
+            along=_ALONG * spacing,
+        )
+
+    def touches(self, x: np.ndarray) -> bool:
+        """Whether the toucher is at the skin in a posture `(J,)`."""
+        far = self.surface.nodes.query(self.centres(x[None]))[0][0]
+        return bool(far < _NEAR * self.surface.spacing)
 
     def places(self, x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""
         place, by_q = self.reach.places(x / self.scale, normal)
         return place, by_q / self.scale[self.reach.joints]
 
-    def centres(self, x: np.ndarray, surface: TouchedSurface) -> np.ndarray:
-        """`(n, 3)` the toucher's places at `(n, J)` x, where it touches a surface or is near it."""
+    def centres(self, x: np.ndarray) -> np.ndarray:
+        """`(n, 3)` the toucher's places at `(n, J)` x, where it touches the skin or is near it."""
         place, _ = self.places(x, np.zeros((len(x), 3)))
         if self.reach.shape.any():
-            place, _ = self.places(x, surface.projected(place)[1])
+            place, _ = self.places(x, self.surface.projected(place)[1])
         return place
 
     def put(
@@ -111,7 +138,8 @@ class Lifter:
         share = np.linspace(0.0, 1.0, num)[None, :, None]
         x = x_start + share * (x_goal - x_start)[:, None]
         flat = self.put(
-            x.reshape(-1, len(x_start)), np.tile(way.place, (number, 1)),
+            x.reshape(-1, len(x_start)),
+            np.tile(way.place, (number, 1)),
             np.tile(way.normal, (number, 1)),
         )
         x = flat.reshape(number, num, -1)
@@ -140,6 +168,7 @@ class Lifter:
         bands = np.zeros((3 * length, num * length))
         for off in range(3):
             bands[off * length] = np.pad(np.repeat(np.diag(rough, -off), length), (0, off * length))
+
         def state(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
             at, by_x = self.places(x, way.normal)
             error = np.einsum("tab,tb->ta", root, at - way.place)

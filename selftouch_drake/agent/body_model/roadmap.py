@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.body_model.lift import Lifter
-from selftouch_drake.agent.body_model.surface import TouchedSurface
 
 # Touches in the roadmap, and those that each is joined to.
 _MOST, _JOINED = 3000, 14
@@ -30,20 +29,13 @@ class Roadmap:
     """Possible steps between firm touches of one toucher on one part.
 
     Args:
-        surface: the skin and the toucher.
-        lifter: its kinematics, in limits.
+        lifter: the skin, the toucher and its kinematics.
         x: `(n, J)` scaled postures of its firm touches.
         random: chooses touches if there are too many.
     """
 
-    def __init__(
-        self,
-        surface: TouchedSurface,
-        lifter: Lifter,
-        x: np.ndarray,
-        random: np.random.Generator,
-    ) -> None:
-        self._surface, self._lifter = surface, lifter
+    def __init__(self, lifter: Lifter, x: np.ndarray, random: np.random.Generator) -> None:
+        self._lifter, self._surface = lifter, lifter.surface
         self._x = x[np.sort(random.permutation(len(x))[:_MOST])]
         self._key = self._keys(self._x)
         self._tree = cKDTree(self._key)
@@ -91,7 +83,7 @@ class Roadmap:
         return on_skin
 
     def _possible(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """`(n,)` bool, whether straight steps between `(n, J)` postures can be put onto the skin."""
+        """`(n,)` bool, straight steps between `(n, J)` postures that can be put onto the skin."""
         found = [np.zeros(0, dtype=bool)]
         for at in range(0, len(start), _AT_ONCE):
             some = slice(at, at + _AT_ONCE)
@@ -105,9 +97,7 @@ class Roadmap:
             found.append((longest <= _JUMP * straight) & (farthest <= _OFF))
         return np.concatenate(found)
 
-    def _sampled(
-        self, start: np.ndarray, end: np.ndarray
-    ) -> tuple[list[np.ndarray], np.ndarray]:
+    def _sampled(self, start: np.ndarray, end: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Samples `(m, J)` of straight steps, and `(n,)` mu between two of them, at least 0.1."""
         length = np.linalg.norm((end - start)[:, self._surface.reach.joints], axis=1)
         count = np.ceil(length / _SAMPLED).astype(int) + 1
@@ -120,14 +110,14 @@ class Roadmap:
 
     def _put(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Postures `(n, J)` put onto the skin below them, and how far they miss it, in kernels."""
-        on_it, normal = self._surface.projected(self._lifter.centres(x, self._surface))
+        on_it, normal = self._surface.projected(self._lifter.centres(x))
         x = self._lifter.put(x, on_it, normal, steps=5)
         off = np.einsum("na,na->n", self._lifter.places(x, normal)[0] - on_it, normal)
         return x, np.abs(off) / self._surface.spacing
 
     def _keys(self, x: np.ndarray) -> np.ndarray:
         """`(n, 3 + L)`: distances of kernels on the skin count as mu in the joints."""
-        place = self._surface.projected(self._lifter.centres(x, self._surface))[0]
+        place = self._surface.projected(self._lifter.centres(x))[0]
         joints = self._surface.reach.joints
         return np.concatenate([place / self._surface.spacing, x[:, joints]], axis=1)
 

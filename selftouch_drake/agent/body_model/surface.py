@@ -1,11 +1,12 @@
-"""The skin as the agent imagines it: where a toucher's centre was in firm touches, and ways over it.
+"""The skin as the agent imagines it: where a toucher was in firm touches, and ways over it.
 
-The kernels of the paper are points of the skin; with a body model, each touch is a point of its own.
-So the skin is known finer than its targets, and a straight way over it is a geodesic.
+The kernels of the paper are points of the skin; with a body model, each touch is a point of its
+own. So the skin is known finer than its targets, and a straight way over it is a geodesic.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -46,6 +47,8 @@ class TouchedSurface:
         node: `(m, 3)` the surface, evenly spread, where touches are firm.
         normal: `(m, 3)` its outward normals there.
         graph: `(m, m)` distances between neighbouring nodes.
+        kernel: `(k,)` the target sensations of its touches whose places are known.
+        kernel_place: `(k, 3)` these places.
     """
 
     reach: Reach
@@ -56,11 +59,22 @@ class TouchedSurface:
     node: np.ndarray
     normal: np.ndarray
     graph: csr_array
+    kernel: np.ndarray
+    kernel_place: np.ndarray
+
+    def kernel_at(self, at: np.ndarray) -> np.ndarray:
+        """`(n,)` the target sensation whose place is nearest to each of `(n, 3)` places."""
+        return self.kernel[cKDTree(self.kernel_place).query(at)[1]]
 
     @cached_property
     def nodes(self) -> cKDTree:
         """For the nodes near a place."""
         return cKDTree(self.node)
+
+    @cached_property
+    def touches(self) -> cKDTree:
+        """For the touches near a place."""
+        return cKDTree(self.place)
 
     def projected(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The nearest places on the surface, blended from its planes, and the normals there.
@@ -130,11 +144,12 @@ def _surface(
     kernel: np.ndarray,
 ) -> TouchedSurface | None:
     """The surface of a part as `(n,)` touches of `(n,)` kernels by one toucher know it."""
-    own = model.kernel_place[np.unique(kernel)]
-    own = own[np.isfinite(own).all(axis=1)]
-    if len(own) < 3:
+    known = np.unique(kernel)
+    known = known[np.isfinite(model.kernel_place[known]).all(axis=1)]
+    if len(known) < 3:
         return None
-    spacing = float(np.median(cKDTree(own).query(own, k=2)[0][:, 1]))
+    kernel_place = model.kernel_place[known]
+    spacing = float(np.median(cKDTree(kernel_place).query(kernel_place, k=2)[0][:, 1]))
     outward = model.kernel_normal[kernel]
     place = reach.places(representation.kernel_q[rows].astype(float), outward)[0]
     firm = _firm(representation.kernel_strength[rows], kernel)
@@ -167,6 +182,8 @@ def _surface(
         node=node,
         normal=normal,
         graph=csr_array(graph.maximum(graph.T)),
+        kernel=known,
+        kernel_place=kernel_place,
     )
 
 
@@ -174,7 +191,7 @@ def _firm(strength: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """`(n,)` bool, touches that are among the firmer of their kernel; kernels ascend."""
     firm = np.zeros(len(kernel), dtype=bool)
     ends = np.flatnonzero(np.diff(kernel, prepend=-1, append=-1))
-    for start, end in zip(ends[:-1], ends[1:], strict=True):
+    for start, end in pairwise(ends):
         own = strength[start:end]
         firm[start:end] = own >= np.quantile(own, _FIRM)
     return firm
