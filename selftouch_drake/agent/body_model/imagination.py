@@ -30,6 +30,8 @@ _KNOTS, _BETWEEN = 50, 4
 _BEGUN = 3
 # Postures of the goal from which motions are tried, and good ones of these that are enough.
 _GOALS, _ENOUGH = 10, 2
+# Places at which a motion may end, and touches about each that tell what is felt there.
+_PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
@@ -216,16 +218,19 @@ class Imagination:
         """
         joints, stored = skin.reach.joints, skin.surface.row[rows]
         x_rows = self._x(stored)
-        row = int(np.square(x_rows[:, joints] - x[joints]).sum(axis=1).argmin())
-        to, kernel = x.copy(), int(self._kernel[stored[row]])
-        to[joints] = x_rows[row, joints]
+        row = int(np.square(x_rows - x).sum(axis=1).argmin())
+        kernel = int(self._kernel[stored[row]])
         start = NO_KERNEL if here is None else here
-        legs = [Leg(x=np.stack([x, to]), node=np.array([start, kernel]), in_air=not holding)]
-        if holding:
-            left = x_rows[row].copy()
-            left[joints] = to[joints]
-            legs.append(Leg(x=np.stack([to, left]), node=np.array([kernel, kernel])))
-        return legs
+        landed = x_rows[row]
+        if not holding:
+            node = np.array([start, kernel])
+            return [Leg(x=np.stack([x, landed]), node=node, in_air=True)]
+        both = x.copy()
+        both[joints] = landed[joints]
+        return [
+            Leg(x=np.stack([x, both]), node=np.array([start, kernel])),
+            Leg(x=np.stack([both, landed]), node=np.array([kernel, kernel])),
+        ]
 
     def _slide(self, skin: Lifter, x: np.ndarray, goal: int) -> Leg | None:
         """The best motion of one toucher over the skin to a goal; None if there is no way."""
@@ -234,8 +239,7 @@ class Imagination:
         if not len(ends):
             return None
         start = surface.projected(skin.centres(x[None]))[0][0]
-        middle = np.median(surface.place[ends], axis=0)
-        place = surface.way(start, surface.projected(middle[None])[0][0], _KNOTS)
+        place = surface.way(start, self._goal_place(surface, ends, goal), _KNOTS)
         if place is None:
             return None
         way = skin.over(place)
@@ -297,6 +301,21 @@ class Imagination:
             firm = self._x(surface.row[surface.firm])
             self._roadmaps[number] = Roadmap(self._lifter(surface), firm, random)
         return self._roadmaps[number]
+
+    def _goal_place(self, surface: TouchedSurface, ends: np.ndarray, goal: int) -> np.ndarray:
+        """`(3,)` where on the surface the goal is felt most surely: most touches about are its own.
+
+        Args:
+            surface: of the toucher.
+            ends: touches of the surface at which motions may end.
+            goal: the target sensation.
+        """
+        own = surface.place[ends[:: max(1, len(ends) // _PLACES)]]
+        some = np.concatenate([np.median(surface.place[ends], axis=0, keepdims=True), own])
+        some = surface.projected(some)[0]
+        near = surface.touches.query(some, k=min(_AMONG, len(surface.place)))[1]
+        surest = (self._kernel[surface.row[near]] == goal).mean(axis=1).argmax()
+        return some[surest]
 
     def _ends(self, surface: TouchedSurface, goal: int) -> np.ndarray:
         """Touches of the surface, by number, at which motions to a goal end."""
