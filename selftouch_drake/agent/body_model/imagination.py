@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.lift import Lifter, SkinWay
 from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.body_model.own_parts import OwnParts
 from selftouch_drake.agent.body_model.roadmap import Roadmap
 from selftouch_drake.agent.body_model.surface import TouchedSurface, evenly, touched_surfaces
 from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
@@ -35,6 +36,12 @@ _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
+# Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
+# they do by that much counts as so many mu longer.
+_MARGIN, _WORSE_DEEP = 0.1, 50.0
+# Detours through the air that are tried: of so many past postures, those that lengthen them least;
+# and samples of each.
+_DETOURS, _PAST_POSTURES, _AIR_SAMPLES = 40, 2000, 40
 # mu between knots of a way through touches, and most of these; rounds that ease it.
 _SHORT, _MOST_KNOTS, _EASED = 0.2, 150, 10
 # Touches that tell what a place feels like, how far each counts, in distances of kernels, and the
@@ -52,17 +59,26 @@ class Leg:
         in_air: whether the touch is lost on purpose.
         error: the farthest that the toucher is from its way across the skin, beyond the first
             knots, or from its end, in distances of kernels; 0 in the air.
+        deep: how much deeper than ever own parts are in each other on it, in distances of kernels;
+            0 if they are not.
     """
 
     x: np.ndarray
     node: np.ndarray
     in_air: bool = False
     error: float = 0.0
+    deep: float = 0.0
+
+    @property
+    def good(self) -> bool:
+        """Whether it keeps contact, and own parts apart, as far as the agent can imagine."""
+        return self.error <= _MISSED and self.deep <= 0.0
 
     @property
     def cost(self) -> float:
-        """Length of the motion in mu, and more where it may lose contact."""
-        return path_length(self.x)[-1] + _WORSE * max(0.0, self.error - _MISSED)
+        """Length of the motion in mu, and more where it may lose contact or run into own parts."""
+        missed = max(0.0, self.error - _MISSED)
+        return path_length(self.x)[-1] + _WORSE * missed + _WORSE_DEEP * self.deep
 
 
 class Imagination:
@@ -77,6 +93,7 @@ class Imagination:
 
     Attributes:
         surfaces: what each toucher knows of each part.
+        own_parts: how deep parts may be in each other.
     """
 
     def __init__(
@@ -91,6 +108,7 @@ class Imagination:
         self.representation = representation
         self._kernel_sensation = kernel_sensation
         self.surfaces = touched_surfaces(model, representation)
+        self.own_parts = OwnParts.of(model, representation, self.surfaces)
         self._knot_spacing = knot_spacing
         sizes = np.diff(representation.kernel_offsets)
         self._kernel = np.repeat(np.arange(representation.num_targets), sizes)
@@ -223,14 +241,31 @@ class Imagination:
         start = NO_KERNEL if here is None else here
         landed = x_rows[row]
         if not holding:
-            node = np.array([start, kernel])
-            return [Leg(x=np.stack([x, landed]), node=node, in_air=True)]
+            return [self._through_air(x, landed, start, kernel)]
         both = x.copy()
         both[joints] = landed[joints]
         return [
             Leg(x=np.stack([x, both]), node=np.array([start, kernel])),
             Leg(x=np.stack([both, landed]), node=np.array([kernel, kernel])),
         ]
+
+    def _through_air(self, x: np.ndarray, landed: np.ndarray, start: int, kernel: int) -> Leg:
+        """Straight through the air, or by way of a past posture if own parts are in the way."""
+
+        def leg(*via: np.ndarray) -> Leg:
+            knots = np.stack([x, *via, landed])
+            node = np.array([start, *[NO_KERNEL] * len(via), kernel])
+            deep = self._deep(evenly(dense(knots), _AIR_SAMPLES))
+            return Leg(x=knots, node=node, in_air=True, deep=deep)
+
+        straight = leg()
+        if straight.good:
+            return straight
+        every = max(1, self.representation.num_rows // _PAST_POSTURES)
+        past = self._x(np.arange(0, self.representation.num_rows, every))
+        longer = np.linalg.norm(past - x, axis=1) + np.linalg.norm(past - landed, axis=1)
+        vias = past[np.argsort(longer, kind="stable")[:_DETOURS]]
+        return min([straight, *map(leg, vias)], key=lambda one: one.cost)
 
     def _slide(self, skin: Lifter, x: np.ndarray, goal: int) -> Leg | None:
         """The best motion of one toucher over the skin to a goal; None if there is no way."""
@@ -250,13 +285,16 @@ class Imagination:
         order = np.argsort([self._leg(skin, one, way, goal).cost for one in rough])
         found = list[Leg]()
         for number in order:
-            found.append(self._leg(skin, skin.smoothed(rough[number], way), way, goal))
-            if sum(leg.error <= _MISSED for leg in found) >= _ENOUGH:
+            smooth = self._leg(skin, skin.smoothed(rough[number], way), way, goal)
+            found.append(replace(smooth, deep=self._deep(smooth.x)))
+            if sum(leg.good for leg in found) >= _ENOUGH:
                 break
         best = min(found, key=lambda leg: leg.cost)
-        if best.error <= _MISSED:
-            return best
-        return self._round_about(skin, x, goals[nearest], goal) or best
+        if not best.good:
+            about = self._round_about(skin, x, goals[nearest], goal)
+            if about is not None and about.cost < best.cost:
+                return about
+        return best
 
     def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
         """A motion through firm touches, where the straight way asks too much of the joints."""
@@ -274,7 +312,8 @@ class Imagination:
         rough = np.repeat(x[None], len(keys), axis=0)
         rough[1:, joints] = keys[1:, 3:]
         rough[1:] = skin.put(rough[1:], way.place[1:], way.normal[1:])
-        return self._leg(skin, skin.smoothed(rough, way), way, goal)
+        smooth = self._leg(skin, skin.smoothed(rough, way), way, goal)
+        return replace(smooth, deep=self._deep(smooth.x))
 
     def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A motion over the skin with what is felt on it, and how well it keeps to its way."""
@@ -286,6 +325,15 @@ class Imagination:
         node = skin.surface.kernel_at(at[::_BETWEEN])
         node[-1] = goal
         return Leg(x=x, node=node, error=error / skin.surface.spacing)
+
+    def _deep(self, x: np.ndarray) -> float:
+        """How much deeper than ever own parts are in each other in scaled postures `(n, J)`.
+
+        What the first and the last posture cannot help does not count.
+        """
+        excess = self.own_parts.excess(x / self.representation.joint_scale)
+        ends = max(float(excess[0]), float(excess[-1]), -_MARGIN)
+        return max(0.0, float(excess.max()) - ends)
 
     def _lifter(self, surface: TouchedSurface) -> Lifter:
         """The lifter of a surface within the range of experience."""
