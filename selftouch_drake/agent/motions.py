@@ -45,8 +45,9 @@ class Plan(MotorPath, Record):
 
     @property
     def is_imagined(self) -> bool:
-        """Whether it comes from a body model: no step of it follows a link of the quotient."""
-        return len(self.links) > 0 and bool((self.links < 0).all() and (self.modes < 0).all())
+        """Whether it touches on the way, and no step of it follows a link of the quotient."""
+        without_link = (self.links < 0).all() and (self.modes < 0).all()
+        return bool(without_link and not self.in_air.all())
 
     def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""

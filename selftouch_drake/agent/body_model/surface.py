@@ -166,6 +166,9 @@ def _surface(
     side = np.zeros_like(node)
     np.add.at(side, at, np.nan_to_num(outward[firm]))
     side = side[near].sum(axis=1)
+    # Without them, the outside is away from the middle.
+    unknown = ~side.any(axis=1)
+    side[unknown] = (node - node.mean(axis=0))[unknown]
     normal *= np.where(np.einsum("ma,ma->m", normal, side) < 0, -1.0, 1.0)[:, None]
     node = node - np.einsum("ma,ma->m", node - middle, normal)[:, None] * normal
     joined = far[:, 1:] <= _GAP * _FINE * spacing

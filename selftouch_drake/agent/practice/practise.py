@@ -77,7 +77,7 @@ def practise(
         return agent.plan(*targets, q_start=q_start, limits=limits, **options)
 
     unpractised = plan_on_skin(agent)
-    if unpractised.is_imagined:
+    if agent.imagination is not None:
         checked = _checked(plan_on_skin, agent, unpractised, slider)
         if checked is not None:
             return checked
