@@ -132,7 +132,8 @@ def test_what_is_imported_from_elsewhere_is_declared():
     project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
     groups = project["optional-dependencies"]
     # What a user may leave out is imported where it is used, and its absence is handled there.
-    left_out = [entry for name in ("collada", "dask", "gym", "hdf5", "homology", "ros") for entry in groups[name]]
+    optional = ("collada", "dask", "gym", "hdf5", "homology", "ros")
+    left_out = [entry for name in optional for entry in groups[name]]
     wanted = [*project["dependencies"], *left_out]
     declared = {re.match(r"[\w-]+", entry)[0].lower() for entry in wanted}
     found = {

@@ -27,6 +27,7 @@ from selftouch_drake.quotient.plan import most_typical
 from selftouch_drake.quotient.smooth import KNOT_SPACING
 
 if TYPE_CHECKING:
+    from selftouch_drake.agent.body_model.imagination import Imagination
     from selftouch_drake.agent.body_model.model import BodyModel
     from selftouch_drake.agent.practice.dry_run import DryRun
     from selftouch_drake.agent.shape.recovery import RecoveredBody
@@ -48,6 +49,8 @@ class Agent:
         knot_spacing: as in `Planner`.
         touch_model: as in `Planner`.
         prefer: as in `Planner`.
+        body_model: what it found out about its mechanics. On parts where it is accepted, plans are
+            imagined; all others come from the paper's representation.
     """
 
     representation: QuotientRepresentation
@@ -56,6 +59,7 @@ class Agent:
     knot_spacing: float = KNOT_SPACING
     touch_model: TouchModel | None = None
     prefer: Prefer = "body"
+    body_model: "BodyModel | None" = None
 
     @classmethod
     def of(
@@ -123,7 +127,15 @@ class Agent:
     def recalling(self, memory: RehearsalMemory) -> "Agent":
         """The same agent with another memory."""
         changed = dataclasses.replace(self, memory=memory)
-        vars(changed)["planner"] = self.planner  # which does not depend on it
+        # These do not depend on it.
+        vars(changed)["planner"] = self.planner
+        vars(changed)["imagination"] = self.imagination
+        return changed
+
+    def without_model(self) -> "Agent":
+        """The same agent, which plans from the paper's representation alone."""
+        changed = dataclasses.replace(self, body_model=None)
+        vars(changed)["planner"] = self.planner
         return changed
 
     def target_felt(self, sensation: np.ndarray) -> int | None:
@@ -137,13 +149,20 @@ class Agent:
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
         The first target is None if nothing is felt at `q_start`. Arguments and errors are as in
-        `Planner.plan`: options are `aside`, `lift_off` and `limits`.
+        `Planner.plan`: options are `aside`, `lift_off` and `limits`. Without the first two the plan
+        is imagined, where the body model knows a way.
         """
         if q_start is None:
             if not targets or targets[0] is None:
                 raise ValueError("q_start is missing: give joint positions if nothing is felt")
             first = self.representation.checked_target(targets[0])
             q_start = most_typical(self.representation, first)
+        if self.imagination is not None and not {"aside", "lift_off"} & options.keys():
+            limits = options.get("limits")
+            checked = self.planner.checked(q_start, targets, limits)
+            imagined = self.imagination.plan(*checked, pressure=self.memory.pressure, limits=limits)
+            if imagined is not None:
+                return imagined
         return self.planner.plan(q_start, targets, memory=self.memory, **options)
 
     def predict(self, plan: Plan, s: np.ndarray, dry_run: "DryRun | None" = None) -> Prediction:
@@ -153,6 +172,8 @@ class Agent:
         """
         if dry_run is not None:
             return recall_sensation(plan, s, dry_run.s, dry_run.felt)
+        if plan.is_imagined and self.imagination is not None and self.imagination.feels:
+            return self.imagination.predict(plan, s)
         return predict_sensation(
             self.representation, plan, s, self.kernel_sensation, self.touch_model
         )
@@ -183,8 +204,22 @@ class Agent:
         )
 
     @cached_property
+    def imagination(self) -> "Imagination | None":
+        """What plans over the imagined skin; None without an accepted part of the body model."""
+        if self.body_model is None or not self.body_model.accepted_by_part.any():
+            return None
+        from selftouch_drake.agent.body_model.imagination import Imagination  # not always needed
+
+        return Imagination(
+            self.body_model,
+            self.representation,
+            knot_spacing=self.knot_spacing,
+            kernel_sensation=self.kernel_sensation,
+        )
+
+    @cached_property
     def planner(self) -> Planner:
-        """The planner that makes all plans."""
+        """The planner over the paper's representation, which knows a way between all touches."""
         return Planner(
             self.representation,
             knot_spacing=self.knot_spacing,

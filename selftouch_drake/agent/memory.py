@@ -14,6 +14,10 @@ LOSS_FACTOR = 8.0
 # Six losses: beyond that a link is as good as cut, and the costs stay far from overflow.
 _MOST_PENALTY = LOSS_FACTOR**6
 
+#: A loss of an imagined touch adds this to the pressure of later plans, up to the second number; in
+#: distances of kernels.
+PRESSED_MORE, MOST_PRESSED = 0.1, 0.3
+
 # mu, tolerance for stored float32 configurations.
 _SAME = 1e-5
 
@@ -124,6 +128,8 @@ class RehearsalMemory(Record):
         slides: practised ways between touches, where straight ones lose contact.
         missed: `(n,)` ascending rows of `kernel_q` at which a goal or a landing was not felt; plans
             end and land elsewhere.
+        pressure: how much deeper than the firm touches it knows imagined plans press, in distances
+            of kernels.
         num_tries: number of motions executed to learn it.
         belongs_to: hash of the target sensations, joint scale and links of its representation.
     """
@@ -131,6 +137,7 @@ class RehearsalMemory(Record):
     link_penalty: np.ndarray
     slides: "Slides"
     missed: np.ndarray
+    pressure: float
     num_tries: int
     belongs_to: str
 
@@ -144,6 +151,7 @@ class RehearsalMemory(Record):
             link_penalty=np.ones(len(links)),
             slides=Slides.none(len(representation.joint_scale)),
             missed=np.empty(0, dtype=int),
+            pressure=0.0,
             num_tries=0,
             belongs_to=digest.hexdigest()[:16],
         )
@@ -162,6 +170,10 @@ class RehearsalMemory(Record):
         """The memory in which nothing was felt at some more rows of `kernel_q`."""
         return replace(self, missed=np.union1d(self.missed, rows).astype(int))
 
+    def pressing(self) -> "RehearsalMemory":
+        """The memory of an agent that lost an imagined touch: it presses more, up to a limit."""
+        return replace(self, pressure=min(self.pressure + PRESSED_MORE, MOST_PRESSED))
+
     def not_missed(self, rows: np.ndarray) -> np.ndarray:
         """The rows at which the goal was not missed; all if none is left."""
         others = rows[~np.isin(rows, self.missed)]
@@ -170,7 +182,7 @@ class RehearsalMemory(Record):
     def same_as(self, other: "RehearsalMemory") -> bool:
         """Whether plans are the same with this memory as with another of the same agent."""
         same = len(self.slides.ends) == len(other.slides.ends)
-        same &= np.array_equal(self.missed, other.missed)
+        same &= np.array_equal(self.missed, other.missed) and self.pressure == other.pressure
         return same and np.array_equal(self.link_penalty, other.link_penalty)
 
     @classmethod
@@ -184,11 +196,13 @@ class RehearsalMemory(Record):
             ValueError: an array is missing or invalid; the text names it.
         """
         blank = cls.blank(representation)
-        memory = cls.from_arrays({"missed": blank.missed, **arrays})
+        memory = cls.from_arrays({"missed": blank.missed, "pressure": np.zeros(()), **arrays})
         penalty, missed = memory.link_penalty, memory.missed
         if memory.belongs_to != blank.belongs_to or penalty.shape != blank.link_penalty.shape:
             raise ForeignMemoryError("the rehearsals belong to another representation")
         memory.check_arrays({"link_penalty": (None,), "missed": (None,)})
+        if not 0.0 <= memory.pressure <= MOST_PRESSED:
+            raise ValueError(f"pressure is {memory.pressure:g}, expected 0 to {MOST_PRESSED:g}")
         if not (penalty >= 1).all():
             raise ValueError("link_penalty must hold factors, 1 or more")
         if len(missed) and not 0 <= missed.min() <= missed.max() < representation.num_rows:

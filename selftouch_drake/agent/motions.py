@@ -40,6 +40,12 @@ class Plan(MotorPath, Record):
         steps = dict.fromkeys(("links", "in_air", "modes"), (num - 1,))
         self.check_arrays({**waypoints, "waypoints_q": (num, None), **steps})
 
+    @property
+    def is_imagined(self) -> bool:
+        """Whether it touches on the way, and no step of it follows a link of the quotient."""
+        without_link = (self.links < 0).all() and (self.modes < 0).all()
+        return bool(without_link and not self.in_air.all())
+
     def without_imagined(self) -> "Plan":
         """The same path, without the waypoints that are imagined."""
         rows = np.flatnonzero(~self.imagined)

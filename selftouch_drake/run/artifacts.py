@@ -52,6 +52,7 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
         knot_spacing=run.experiment.planning.knot_spacing,
         prefer=run.experiment.planning.prefer,
         touch_model=_load_touch_model(run),
+        body_model=_known_body_model(run),
     )
 
 
@@ -69,6 +70,14 @@ def _load_touch_model(run: RunDirectory) -> TouchModel | None:
     run.require_stamp(file, arrays)
     with _read_as("a model of touch", file, f"run `selftouch learn {run.path}`"):
         return TouchModel.from_arrays(arrays)
+
+
+def _known_body_model(run: RunDirectory) -> BodyModel | None:
+    """What it found out about its mechanics; None if it was never asked."""
+    try:
+        return load_body_model(run)
+    except MissingError:
+        return None
 
 
 def load_representation(run: RunDirectory) -> EmbeddedRepresentation:

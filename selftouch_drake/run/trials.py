@@ -60,9 +60,12 @@ class FirstTry:
         over_shortest: length of the practised plan on the skin over the shortest way, in the
             agent's own lengths; None if it lifts off, or where `OwnPaths` does not know.
         true_over_shortest: the same by the truth; None likewise, or if nobody knows it.
+        unpractised_true_over_shortest: the same of the plan before practice.
         num_slides: ways that practice found for steps of the plan.
         errors: `(n,)` cosine distances from predicted to felt, in their predicted scales.
         impossible_planned: samples of the plan at which the body cannot be.
+        overlap_planned: `(T,)` bool, these samples; None if the body cannot be at rest everywhere.
+        overlap_unpractised: `(T,)` bool, the same of the plan before practice; None likewise.
         truth: of the execution; None if nobody knows it.
     """
 
@@ -76,9 +79,12 @@ class FirstTry:
     jerk_reduction: float
     over_shortest: float | None
     true_over_shortest: float | None
+    unpractised_true_over_shortest: float | None
     num_slides: int
     errors: np.ndarray
     impossible_planned: int
+    overlap_planned: np.ndarray | None
+    overlap_unpractised: np.ndarray | None
     truth: ExecutedTruth | None
 
 
@@ -131,8 +137,9 @@ class FirstTries:
         unpractised = self._pilot.motion(planned_motion.unpractised)
         blind, _ = self._pilot.execute(unpractised, practised=False)
         execution, followed = self._pilot.execute(motion)
+        blind_slowly, blind_felt = self._slowly(unpractised)
         planned, felt = self._slowly(motion)
-        impossible = 0 if felt is None else int(np.sum(~felt.reached))
+        overlap = _overlap(felt)
         own_path, true_path = self._over_shortest(motion, felt)
         truth = None
         if self._scorer is not None and isinstance(followed, DrakeFollowed):
@@ -140,7 +147,7 @@ class FirstTries:
         first = FirstTry(
             start=start,
             goal=goal,
-            unpractised=self._slowly(unpractised)[0],
+            unpractised=blind_slowly,
             unpractised_executed=self.score(blind),
             planned=planned,
             executed=self.score(execution),
@@ -148,9 +155,12 @@ class FirstTries:
             jerk_reduction=jerk_reduction(planned_motion.plan, representation.joint_scale),
             over_shortest=own_path,
             true_over_shortest=true_path,
+            unpractised_true_over_shortest=self._over_shortest(unpractised, blind_felt)[1],
             num_slides=len(planned_motion.agent.memory.slides.ends),
             errors=_prediction_errors(execution),
-            impossible_planned=impossible,
+            impossible_planned=0 if overlap is None else int(overlap.sum()),
+            overlap_planned=overlap,
+            overlap_unpractised=_overlap(blind_felt),
             truth=truth,
         )
         return first, judged_try(execution, representation)
@@ -180,6 +190,11 @@ class FirstTries:
             return None, None
         felt = self._still.feel(motion.q)
         return score_motion(motion, felt.sensation, self.agent.representation), felt
+
+
+def _overlap(felt: Felt | None) -> np.ndarray | None:
+    """`(T,)` bool, samples of a motion at which the body cannot be; None if nobody knows."""
+    return None if felt is None else ~felt.reached
 
 
 def try_pairs(
@@ -269,12 +284,37 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
         return {}
     metrics = {
         **summarise([trial.unpractised for trial in trials], "unpractised"),
+        **_unpractised_metrics(trials),
         **summarise([trial.unpractised_executed for trial in trials], "unpractised_execution"),
         **_planning_metrics(trials),
         **_execution_metrics(trials),
         **_rehearsal_metrics(trials),
     }
     return {key: value for key, value in metrics.items() if value is not None}
+
+
+def _unpractised_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
+    """More metrics of plans before practice, without dynamics."""
+    true_paths = [trial.unpractised_true_over_shortest for trial in trials]
+    perfect = [
+        trial.unpractised.contact == 1.0
+        and trial.unpractised.reached
+        and not trial.overlap_unpractised.any()
+        for trial in trials
+        if trial.unpractised is not None and trial.overlap_unpractised is not None
+    ]
+    overlaps = [trial.overlap_unpractised for trial in trials]
+    return {
+        "unpractised_perfect_rate": _of_known(np.mean, perfect),
+        "unpractised_own_parts_overlap_share": _overlap_share(overlaps),
+        **_summary("unpractised_true_path_over_shortest", true_paths),
+    }
+
+
+def _overlap_share(overlaps: Sequence[np.ndarray | None]) -> float | None:
+    """Share of the samples of all motions at which the body cannot be; None if nobody knows."""
+    known = [one for one in overlaps if one is not None]
+    return float(np.concatenate(known).mean()) if known else None
 
 
 def _planning_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
@@ -285,6 +325,7 @@ def _planning_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
         **summarise([trial.planned for trial in trials], "planning"),
         "planning_num_slides": sum(trial.num_slides for trial in trials),
         "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
+        "planning_own_parts_overlap_share": _overlap_share([t.overlap_planned for t in trials]),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
         **_summary("planning_path_over_shortest", [trial.over_shortest for trial in trials]),
         **_summary(

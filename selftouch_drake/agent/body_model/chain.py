@@ -197,6 +197,58 @@ def derivatives(
     return place, by_twist, by_point, by_q
 
 
+@compiled
+def _slopes(q, twists, signs, point, place, by_q, turn):
+    length = len(twists)
+    points = np.empty((length + 1, 3))
+    known = np.empty((length, 2))
+    for i in range(len(q)):
+        for axis in range(3):
+            points[length, axis] = point[i, axis]
+        for joint in range(length - 1, -1, -1):
+            twist, t = twists[joint], signs[joint] * q[i, joint]
+            n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
+            a1, a2, _, _ = coefficients(n2, t)
+            known[joint, 0], known[joint, 1] = a1, a2
+            x, y, z = points[joint + 1, 0], points[joint + 1, 1], points[joint + 1, 2]
+            x, y, z = moved(twist, a1, a2, t, x, y, z)
+            points[joint, 0], points[joint, 1], points[joint, 2] = x, y, z
+        place[i, 0], place[i, 1], place[i, 2] = points[0, 0], points[0, 1], points[0, 2]
+        for axis in range(3):
+            g0, g1, g2 = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
+            for joint in range(length):
+                twist, t = twists[joint], signs[joint] * q[i, joint]
+                w0, w1, w2 = twist[0], twist[1], twist[2]
+                a1, a2 = known[joint, 0], known[joint, 1]
+                # By the reading: the point moves with w x p' + v.
+                x0, x1, x2 = points[joint, 0], points[joint, 1], points[joint, 2]
+                by_q[i, axis, joint] = signs[joint] * (
+                    g0 * (w1 * x2 - w2 * x1 + twist[3])
+                    + g1 * (w2 * x0 - w0 * x2 + twist[4])
+                    + g2 * (w0 * x1 - w1 * x0 + twist[5])
+                )
+                # g is carried to the next joint.
+                d0, d1, d2 = g1 * w2 - g2 * w1, g2 * w0 - g0 * w2, g0 * w1 - g1 * w0
+                h0 = t * g0 + a1 * d0 + a2 * (d1 * w2 - d2 * w1)
+                h1 = t * g1 + a1 * d1 + a2 * (d2 * w0 - d0 * w2)
+                h2 = t * g2 + a1 * d2 + a2 * (d0 * w1 - d1 * w0)
+                g0 += h1 * w2 - h2 * w1
+                g1 += h2 * w0 - h0 * w2
+                g2 += h0 * w1 - h1 * w0
+            turn[i, axis, 0], turn[i, axis, 1], turn[i, axis, 2] = g0, g1, g2
+
+
+def slopes(
+    q: np.ndarray, twists: np.ndarray, point: np.ndarray, signs: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `derivatives`, without those by the twists: `place`, `by_q` and the link's rotation."""
+    q = np.ascontiguousarray(q, dtype=float)
+    place, turn = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    by_q = np.empty((len(q), 3, len(twists)))
+    _slopes(q, *_chain(twists, signs), _points(point, len(q)), place, by_q, turn)
+    return place, by_q, turn
+
+
 def exponentials(twists: np.ndarray) -> np.ndarray:
     """`(n, 4, 4)` rigid motions `exp(twist)` of `(n, 6)` twists."""
     twists = np.asarray(twists, dtype=float).reshape(-1, 6)

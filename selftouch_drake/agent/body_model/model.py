@@ -305,7 +305,7 @@ class BodyModel(Record):
         if wearer == UNUSED:
             return found
         for toucher, link in enumerate(self.toucher_link.tolist()):
-            there, back = self._between(wearer, link)
+            there, back = self.between(wearer, link)
             X = chained(self.twists, q, there, back)
             centre = np.broadcast_to(self.toucher_place[toucher], (len(q), 3))
             found[toucher] = transformed(X, centre)
@@ -337,7 +337,7 @@ class BodyModel(Record):
             at = centre + np.einsum("nij,nj->ni", X[:, :3, :3], in_hand)
         return at
 
-    def _between(self, start: int, end: int) -> tuple[list[int], list[int]]:
+    def between(self, start: int, end: int) -> tuple[list[int], list[int]]:
         """The joints from one link up, the last one first, and down to another.
 
         Joints on the way of both from the base cancel.

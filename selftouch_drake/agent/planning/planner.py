@@ -128,14 +128,7 @@ class Planner:
             ValueError: a target is out of range, no goal is given, or `q_start` does not fit the
                 representation or the limits.
         """
-        q_start = checked_configuration(q_start, self.representation, limits)
-        if len(targets) < 2:
-            raise ValueError(
-                f"targets is {list(targets)}: give the target sensation felt now (or None), then "
-                "at least one goal"
-            )
-        here = None if targets[0] is None else self.representation.checked_target(targets[0])
-        goals = [self.representation.checked_target(goal) for goal in targets[1:]]
+        q_start, here, goals = self.checked(q_start, targets, limits)
         memory = memory or RehearsalMemory.blank(self.representation)
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
@@ -157,6 +150,23 @@ class Planner:
                 self._follow_links(way, here, goal, mode, memory)
             here = goal
         return self._through(q_start, way, memory.slides, limits)
+
+    def checked(
+        self, q_start: np.ndarray, targets: Sequence[int | None], limits: Limits | None = None
+    ) -> tuple[np.ndarray, int | None, list[int]]:
+        """Start, first target and goals of a plan, if they fit the representation.
+
+        Raises:
+            ValueError: as `plan`.
+        """
+        q_start = checked_configuration(q_start, self.representation, limits)
+        if len(targets) < 2:
+            raise ValueError(
+                f"targets is {list(targets)}: give the target sensation felt now (or None), then "
+                "at least one goal"
+            )
+        here = None if targets[0] is None else self.representation.checked_target(targets[0])
+        return q_start, here, [self.representation.checked_target(goal) for goal in targets[1:]]
 
     def _joints(self, mode: int) -> np.ndarray:
         """The joints that move in a mode."""

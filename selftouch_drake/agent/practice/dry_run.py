@@ -54,7 +54,12 @@ def dry_run(plan: Plan, slider: Slider) -> DryRun:
 
 
 def missed_touches(plan: Plan, run: DryRun, representation: QuotientRepresentation) -> list[int]:
-    """The stored touches, as rows of `kernel_q`, at which a dry run did not feel what it should.
+    """The stored touches, as rows of `kernel_q`, at which a dry run did not feel what it should."""
+    return stored_touches(plan, misses(plan, run, representation), representation)
+
+
+def misses(plan: Plan, run: DryRun, representation: QuotientRepresentation) -> list[int]:
+    """The waypoints of a plan at which a dry run did not feel what it should.
 
     Where the plan lands after a way through the air, anything must be felt; at its end, the goal.
     """
@@ -65,7 +70,7 @@ def missed_touches(plan: Plan, run: DryRun, representation: QuotientRepresentati
     without = landings[~felt.any(axis=1)].tolist()
     if plan.goal not in felt_kernels(representation, run.felt[-1]):
         without.append(len(plan.nodes) - 1)
-    return stored_touches(plan, without, representation)
+    return without
 
 
 def stored_touches(

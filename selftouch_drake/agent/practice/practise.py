@@ -14,7 +14,13 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.practice.dry_run import DryRun, dry_run, missed_touches, stored_touches
+from selftouch_drake.agent.practice.dry_run import (
+    DryRun,
+    dry_run,
+    missed_touches,
+    misses,
+    stored_touches,
+)
 from selftouch_drake.agent.practice.other_ways import links_of, other_ways, out_of_the_way
 from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.tries import Try
@@ -55,7 +61,9 @@ def practise(
 ) -> Practised:
     """Plans, and practises the plan.
 
-    Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
+    A plan that was imagined is followed once, to check it; where it would lose contact, the agent
+    presses more. What that does not mend is planned over the paper's representation, and repaired:
+    where such a plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
     other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
     are as in `Agent.plan`.
@@ -69,7 +77,15 @@ def practise(
         return agent.plan(*targets, q_start=q_start, limits=limits, **options)
 
     unpractised = plan_on_skin(agent)
-    wiser, plan, last_run = _repaired(plan_on_skin, agent, unpractised, slider)
+    if agent.imagination is not None:
+        checked = _checked(plan_on_skin, agent, unpractised, slider)
+        if checked is not None:
+            return checked
+        agent, known = agent.without_model(), agent
+        start = plan_on_skin(agent)
+    else:
+        start, known = unpractised, agent
+    wiser, plan, last_run = _repaired(plan_on_skin, agent, start, slider)
     if len(last_run.impossible):
         plan_in_air = partial(plan_on_skin, lift_off=True)
         wiser, plan, last_run = _repaired(plan_in_air, agent, plan_in_air(agent), slider)
@@ -78,6 +94,7 @@ def practise(
             f"no way to target {plan.goal} was found on which the rigid parts of the robot do not "
             "run into each other: choose another start or goal, or babble longer"
         )
+    wiser = known.recalling(wiser.memory)
     return Practised(agent=wiser, unpractised=unpractised, plan=plan, dry_run=last_run)
 
 
@@ -85,10 +102,13 @@ def remembering(one: Try, agent: Agent, slider: Slider) -> Agent:
     """The agent that remembers a try: it practises slides where the try lost contact.
 
     Links on which it found no slide cost more from then on. If the goal was missed, the last link
-    costs more, and plans end at other touches of the goal. Only its memory changes: it learns no
-    other representation.
+    costs more, and plans end at other touches of the goal. After an imagined plan it presses more.
+    Only its memory changes: it learns no other representation.
     """
     plan, known = one.execution.motion.plan, agent.representation
+    if plan.is_imagined:
+        memory = agent.memory if one.perfect else agent.memory.pressing()
+        return agent.recalling(memory.after(np.zeros(0, dtype=int)))
     lost_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
     memory, lost = other_ways(plan, lost_touch, slider, agent.memory, known)
     if not one.reached:
@@ -97,6 +117,22 @@ def remembering(one: Try, agent: Agent, slider: Slider) -> Agent:
         if last_step >= 0:
             lost = np.union1d(lost, links_of(plan, [last_step]))
     return agent.recalling(memory.after(lost))
+
+
+def _checked(
+    plan_again: Callable[..., Plan], agent: Agent, plan: Plan, slider: Slider
+) -> Practised | None:
+    """An imagined plan after its check; None if it needs more than to press more."""
+    unpractised = plan
+    while True:
+        last_run = dry_run(plan, slider)
+        if not len(last_run.doubtful) and not misses(plan, last_run, agent.representation):
+            return Practised(agent=agent, unpractised=unpractised, plan=plan, dry_run=last_run)
+        more = agent.memory.pressing()
+        if len(last_run.impossible) or more.same_as(agent.memory):
+            return None
+        agent = agent.recalling(more)
+        plan = plan_again(agent)
 
 
 def _repaired(

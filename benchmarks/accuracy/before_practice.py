@@ -1,0 +1,137 @@
+"""Plans that nobody followed: imagined by the body model, and over the paper's representation.
+
+    python benchmarks/accuracy/before_practice.py cube --seeds 21 22 --pairs 40
+    python benchmarks/accuracy/before_practice.py infant --seeds 2 --pairs 100 --set '{...}'
+    python benchmarks/accuracy/before_practice.py runs/mine --pairs 40
+
+A name of an experiment is babbled and learned for each seed (or taken from --runs, if it is there);
+a folder is a run that has learned. Random pairs of sensations on one part are planned from the same
+starts in two ways, and judged by the experimenter without dynamics: contact (mean and worst), goals
+felt, postures and plans in which rigid parts overlap, perfect plans (contact throughout, the goal
+felt, no overlap), the path on the true skin over the shortest (median and worst), motion of the
+joints, prediction error, seconds of processor time for a plan with times and prediction, and the
+share of the plans that the model knew a way for.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.bodies.embodiment import Bodies, pilot_in
+from selftouch_drake.evaluation.motion import random_pairs, score_motion
+from selftouch_drake.evaluation.paths import TruePaths
+from selftouch_drake.run.artifacts import load_agent
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.worlds import run_bodies
+
+
+class Row(NamedTuple):
+    """What became of one plan."""
+
+    contact: float
+    reached: bool
+    overlap: float
+    over_shortest: float
+    motion: float
+    error: float
+    seconds: float
+    imagined: bool
+
+    @property
+    def perfect(self) -> bool:
+        """Contact throughout, the goal felt, no overlap."""
+        return self.contact == 1.0 and self.reached and self.overlap == 0.0
+
+
+def learned(name: str, seed: int, folder: Path, changes: str) -> Path:
+    """The run of an experiment; it is babbled and learned if it is not there."""
+    path = folder / f"{name}-{seed}"
+    if not (path / "body_model.npz").exists():
+        from click.testing import CliRunner
+
+        from selftouch_drake.cli import cli
+
+        runner, out = CliRunner(), str(path)
+        settings = ["--set", f"{{seed: {seed}}}", "--set", changes]
+        runner.invoke(cli, ["babble", name, "--out", out, *settings], catch_exceptions=False)
+        runner.invoke(cli, ["learn", out], catch_exceptions=False)
+    return path
+
+
+def planned(agent: Agent, bodies: Bodies, run: RunDirectory, pairs: list[tuple[int, int]]):
+    """Plans of pairs before practice, scored as they are felt slowly."""
+    pilot = pilot_in(bodies, agent, run.experiment)
+    pilot.prepare_queries()
+    assert bodies.still is not None
+    assert bodies.world is not None
+    true = TruePaths([skin.fields for skin in bodies.world.skins])
+    for start, goal in pairs:
+        began = time.process_time()
+        plan = agent.plan(start, goal, q_start=pilot.start_of(start, goal))
+        motion = pilot.motion(plan)
+        seconds = time.process_time() - began
+        felt = bodies.still.feel(motion.q)
+        score = score_motion(motion, felt.sensation, agent.representation)
+        over = true.over_shortest(felt.contacts) if motion.touching.all() else None
+        yield Row(
+            contact=score.contact,
+            reached=score.reached,
+            overlap=float(np.mean(~felt.reached)),
+            over_shortest=np.nan if over is None else over,
+            motion=float(np.linalg.norm(np.diff(motion.q, axis=0), axis=1).sum()),
+            error=score.prediction_error,
+            seconds=seconds,
+            imagined=plan.is_imagined,
+        )
+
+
+def printed(name: str, way: str, rows: list[Row]) -> None:
+    """One line of figures."""
+    values = np.array([row[:-1] for row in rows], dtype=float)
+    contact, reached, overlap, over, motion, error, seconds = values.T
+    known = over[np.isfinite(over)]
+    paths = f"{np.median(known):5.2f} / {known.max():5.2f}" if len(known) else "    -        "
+    print(
+        f"{name:>16} {way:>8} {len(rows):4d} {100 * contact.mean():6.2f} / "
+        f"{100 * contact.min():5.1f} {100 * reached.mean():5.0f} {100 * overlap.mean():7.2f} "
+        f"({np.sum(overlap > 0):d}) {100 * np.mean([row.perfect for row in rows]):6.0f} {paths} "
+        f"{np.median(motion):6.2f} {error.mean():8.4f} {1e3 * np.median(seconds):6.0f} / "
+        f"{1e3 * np.quantile(seconds, 0.95):4.0f} {100 * np.mean([r.imagined for r in rows]):5.0f}",
+        flush=True,
+    )
+
+
+def main() -> None:
+    """Prints two lines for each run."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("names", nargs="+", help="experiments, or folders of runs")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--runs", type=Path, default=Path("runs/before_practice"))
+    parser.add_argument("--set", default="{}", help="changes of experiments, as of `selftouch run`")
+    args = parser.parse_args()
+    print(
+        f"{'':>16} {'way':>8} {'num':>4} {'contact, worst':>15} {'goals':>5} {'overlaps':>11} "
+        f"{'perfect':>6} {'path, worst':>13} {'motion':>6} {'error':>8} {'ms, 95 %':>13} imagined"
+    )
+    for name in args.names:
+        if Path(name).is_dir():
+            paths = [Path(name)]
+        else:
+            paths = [learned(name, seed, args.runs, args.set) for seed in args.seeds]
+        for path in paths:
+            run = RunDirectory.open(path)
+            bodies, agent = run_bodies(run), load_agent(run, predicts=True)
+            pairs = random_pairs(run.experiment, agent.representation, args.pairs)
+            for way, one in (("imagined", agent), ("paper", agent.without_model())):
+                printed(path.name, way, list(planned(one, bodies, run, pairs)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,438 @@
+"""Plans from imagination: ways over the skin that a body model knows, lifted to the joints.
+
+With a body model the agent can imagine where a posture touches. So a motion from one sensation to
+another is a short way over the imagined skin, and inverse kinematics: it keeps contact before
+anybody followed it. The model assumes rigid links on joints that turn or slide; plans are imagined
+on those parts alone where held-out touches agree with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model.lift import Lifter, SkinWay
+from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.body_model.own_parts import OwnParts
+from selftouch_drake.agent.body_model.roadmap import Roadmap
+from selftouch_drake.agent.body_model.surface import TouchedSurface, evenly, touched_surfaces
+from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
+from selftouch_drake.agent.planning.prediction import Prediction
+from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
+from selftouch_drake.quotient.firm import surely_felt
+from selftouch_drake.quotient.plan import Limits
+from selftouch_drake.quotient.smooth import path_length, smooth_path
+
+# Knots of a way over the skin, and samples between two of them for the path.
+_KNOTS, _BETWEEN = 50, 4
+# Knots at the start that do not count: a light touch becomes firm there.
+_BEGUN = 3
+# Postures of the goal from which motions are tried, and good ones of these that are enough.
+_GOALS, _ENOUGH = 10, 2
+# Places at which a motion may end, and touches about each that tell what is felt there.
+_PLACES, _AMONG = 60, 20
+# A motion that is farther from its way across the skin than this may lose it; one of that much
+# more counts as so many mu longer.
+_MISSED, _WORSE = 0.1, 200.0
+# Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
+# they do by that much counts as so many mu longer.
+_MARGIN, _WORSE_DEEP = 0.1, 50.0
+# Detours through the air that are tried: of so many past postures, those that lengthen them least;
+# and samples of each.
+_DETOURS, _PAST_POSTURES, _AIR_SAMPLES = 40, 2000, 40
+# mu between knots of a way through touches, and most of these; rounds that ease it.
+_SHORT, _MOST_KNOTS, _EASED = 0.2, 150, 10
+# Touches that tell what a place feels like, how far each counts, in distances of kernels, and the
+# least scale of an expected error.
+_ALIKE, _BLUR, _LEAST_SPREAD = 12, 0.1, 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Leg:
+    """A stretch of an imagined plan: T knots.
+
+    Attributes:
+        x: `(T, J)` scaled postures.
+        node: `(T,)` the target sensation at each; `NO_KERNEL` where nothing is felt.
+        in_air: whether the touch is lost on purpose.
+        error: the farthest that the toucher is from its way across the skin, beyond the first
+            knots, or from its end, in distances of kernels; 0 in the air.
+        deep: how much deeper than ever own parts are in each other on it, in distances of kernels;
+            0 if they are not.
+    """
+
+    x: np.ndarray
+    node: np.ndarray
+    in_air: bool = False
+    error: float = 0.0
+    deep: float = 0.0
+
+    @property
+    def good(self) -> bool:
+        """Whether it keeps contact, and own parts apart, as far as the agent can imagine."""
+        return self.error <= _MISSED and self.deep <= 0.0
+
+    @property
+    def cost(self) -> float:
+        """Length of the motion in mu, and more where it may lose contact or run into own parts."""
+        missed = max(0.0, self.error - _MISSED)
+        return path_length(self.x)[-1] + _WORSE * missed + _WORSE_DEEP * self.deep
+
+
+class Imagination:
+    """Plans over the skin that a body model knows; build it once and use it for many plans.
+
+    Args:
+        model: accepted for one part at least.
+        representation: what was learned.
+        knot_spacing: as of `Planner`.
+        kernel_sensation: `(R, S)` unit L2 norm, the sensation at each stored touch; without it
+            nothing is predicted.
+
+    Attributes:
+        surfaces: what each toucher knows of each part.
+        own_parts: how deep parts may be in each other.
+    """
+
+    def __init__(
+        self,
+        model: BodyModel,
+        representation: QuotientRepresentation,
+        *,
+        knot_spacing: float,
+        kernel_sensation: csr_array | None = None,
+    ) -> None:
+        self.model = model
+        self.representation = representation
+        self._kernel_sensation = kernel_sensation
+        self.surfaces = touched_surfaces(model, representation)
+        self.own_parts = OwnParts.of(model, representation, self.surfaces)
+        self._knot_spacing = knot_spacing
+        sizes = np.diff(representation.kernel_offsets)
+        self._kernel = np.repeat(np.arange(representation.num_targets), sizes)
+        self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
+        self._roadmaps: dict[int, Roadmap] = {}
+
+    def plan(
+        self,
+        q_start: np.ndarray,
+        here: int | None,
+        goals: Sequence[int],
+        *,
+        pressure: float = 0.0,
+        limits: Limits | None = None,
+    ) -> Plan | None:
+        """Plans a motion as `Planner.plan` does; None where the model knows no good way.
+
+        Args:
+            q_start: `(J,)` positions of the joints at the start, in the robot's units.
+            here: the target sensation felt at the start; None if nothing is felt.
+            goals: the target sensations to feel, in order.
+            pressure: how much deeper than firm touches it presses, in distances of kernels.
+            limits: the motion stays within them; by default within the range of experience.
+        """
+        x = self.representation.scaled(q_start)
+        lower, upper = (self.representation.scaled(limit) for limit in limits or self._range)
+        lower, upper = np.minimum(lower, x), np.maximum(upper, x)
+        skins = [
+            replace(self._lifter(surface), lower=lower, upper=upper, pressure=pressure)
+            for surface in self.surfaces
+        ]
+        legs = list[Leg]()
+        for goal in goals:
+            if goal == here:
+                continue
+            found = self._legs(skins, x, here, goal)
+            if found is None:
+                return None
+            legs += found
+            x, here = found[-1].x[-1], goal
+        return self._through(q_start, legs, (lower, upper)) if legs else None
+
+    @property
+    def feels(self) -> bool:
+        """Whether it can say what a posture feels like."""
+        return self._kernel_sensation is not None
+
+    def predict(self, plan: Plan, s: np.ndarray) -> Prediction:
+        """The sensation expected along an imagined plan: that of touches at the same places.
+
+        Places tell how deep a touch is as well.
+
+        Args:
+            plan: that it made.
+            s: `(T,)` path lengths, mu.
+        """
+        if self._kernel_sensation is None:
+            raise ValueError("kernel_sensation is missing: it says what touches feel like")
+        num = len(s)
+        x = self.representation.scaled(plan.path(s))
+        part = self.model.kernel_part[plan.nodes[1:]][steps(plan.waypoint_s, s)]
+        nearest = np.full(num, np.inf)
+        rows, far = np.zeros((num, _ALIKE), dtype=int), np.ones((num, _ALIKE))
+        for surface in self.surfaces:
+            here = np.flatnonzero(plan.touching(s) & (part == surface.reach.part))
+            if not len(here):
+                continue
+            at = self._lifter(surface).centres(x[here])
+            off, near = surface.touches.query(at, k=_ALIKE)
+            better = off[:, 0] < nearest[here]
+            here = here[better]
+            nearest[here] = off[better, 0]
+            rows[here], far[here] = surface.row[near[better]], off[better] / surface.spacing
+        weight = np.exp(-0.5 * np.square(far / (_BLUR + far[:, :1])))
+        weight[~np.isfinite(nearest)] = 0.0
+        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+        mixing = csr_array(
+            (weight.ravel(), rows.ravel(), np.arange(0, rows.size + 1, _ALIKE)),
+            shape=(num, self._kernel_sensation.shape[0]),
+        )
+        mean = (mixing @ self._kernel_sensation).toarray()
+        size = np.linalg.norm(mean, axis=1)
+        # Touches that disagree tell how sure it is.
+        spread = np.where(size > 0, 1.0 - size, 0.0) + _LEAST_SPREAD
+        return Prediction(
+            sensation=mean / np.where(size > 0, size, 1.0)[:, None],
+            spread=spread,
+        )
+
+    def _legs(
+        self, skins: Sequence[Lifter], x: np.ndarray, here: int | None, goal: int
+    ) -> list[Leg] | None:
+        """From a posture to a goal: over the skin, or through the air and then over the skin."""
+        part = self.model.kernel_part[goal]
+        skins = [skin for skin in skins if skin.reach.part == part]
+        touching = [skin for skin in skins if here is not None and skin.touches(x)]
+        best = _best([self._slide(skin, x, goal) for skin in touching])
+        if best is not None:
+            return [best]
+        ways = list[list[Leg]]()
+        for skin in skins:
+            ends = self._ends(skin.surface, goal)
+            if not len(ends):
+                continue
+            holding = any(_hold_still(skin, other) for other in touching)
+            # Down to the nearest firm touch and over the skin from there, else to the goal itself.
+            for rows in (np.flatnonzero(skin.surface.firm), ends):
+                landing = self._landing(skin, x, here, rows, holding=holding)
+                if landing[-1].node[-1] == goal:
+                    ways.append(landing)
+                    break
+                best = _best([self._slide(skin, landing[-1].x[-1], goal)])
+                if best is not None:
+                    ways.append([*landing, best])
+                    break
+        return min(ways, key=lambda legs: sum(leg.cost for leg in legs), default=None)
+
+    def _landing(
+        self, skin: Lifter, x: np.ndarray, here: int | None, rows: np.ndarray, *, holding: bool
+    ) -> list[Leg]:
+        """Straight to the nearest of some touches, of which `rows` are those of the surface.
+
+        If other joints make the touch that is felt, they may hold still until the new one is made;
+        then they leave.
+        """
+        joints, stored = skin.reach.joints, skin.surface.row[rows]
+        x_rows = self._x(stored)
+        row = int(np.square(x_rows - x).sum(axis=1).argmin())
+        kernel = int(self._kernel[stored[row]])
+        start = NO_KERNEL if here is None else here
+        landed = x_rows[row]
+        if not holding:
+            return [self._through_air(x, landed, start, kernel)]
+        both = x.copy()
+        both[joints] = landed[joints]
+        return [
+            Leg(x=np.stack([x, both]), node=np.array([start, kernel])),
+            Leg(x=np.stack([both, landed]), node=np.array([kernel, kernel])),
+        ]
+
+    def _through_air(self, x: np.ndarray, landed: np.ndarray, start: int, kernel: int) -> Leg:
+        """Straight through the air, or by way of a past posture if own parts are in the way."""
+
+        def leg(*via: np.ndarray) -> Leg:
+            knots = np.stack([x, *via, landed])
+            node = np.array([start, *[NO_KERNEL] * len(via), kernel])
+            deep = self._deep(evenly(dense(knots), _AIR_SAMPLES))
+            return Leg(x=knots, node=node, in_air=True, deep=deep)
+
+        straight = leg()
+        if straight.good:
+            return straight
+        every = max(1, self.representation.num_rows // _PAST_POSTURES)
+        past = self._x(np.arange(0, self.representation.num_rows, every))
+        longer = np.linalg.norm(past - x, axis=1) + np.linalg.norm(past - landed, axis=1)
+        vias = past[np.argsort(longer, kind="stable")[:_DETOURS]]
+        return min([straight, *map(leg, vias)], key=lambda one: one.cost)
+
+    def _slide(self, skin: Lifter, x: np.ndarray, goal: int) -> Leg | None:
+        """The best motion of one toucher over the skin to a goal; None if there is no way."""
+        surface, joints = skin.surface, skin.reach.joints
+        ends = self._ends(surface, goal)
+        if not len(ends):
+            return None
+        start = surface.projected(skin.centres(x[None]))[0][0]
+        place = surface.way(start, self._goal_place(surface, ends, goal), _KNOTS)
+        if place is None:
+            return None
+        way = skin.over(place)
+        goals = np.repeat(x[None], len(ends), axis=0)
+        goals[:, joints] = self._x(surface.row[ends])[:, joints]
+        nearest = np.argsort(np.linalg.norm(goals - x, axis=1), kind="stable")[:_GOALS]
+        rough = np.concatenate([skin.blended(x, goals[nearest], way), skin.followed(x, way)[None]])
+        order = np.argsort([self._leg(skin, one, way, goal).cost for one in rough])
+        found = list[Leg]()
+        for number in order:
+            smooth = self._leg(skin, skin.smoothed(rough[number], way), way, goal)
+            found.append(replace(smooth, deep=self._deep(smooth.x)))
+            if sum(leg.good for leg in found) >= _ENOUGH:
+                break
+        best = min(found, key=lambda leg: leg.cost)
+        if not best.good:
+            about = self._round_about(skin, x, goals[nearest], goal)
+            if about is not None and about.cost < best.cost:
+                return about
+        return best
+
+    def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
+        """A motion through firm touches, where the straight way asks too much of the joints."""
+        surface, joints = skin.surface, skin.reach.joints
+        passed = self._roadmap(surface).way(x, goals)
+        if passed is None:
+            return None
+        place = surface.projected(skin.centres(passed))[0]
+        keys = np.concatenate([place / surface.spacing, passed[:, joints]], axis=1)
+        length = np.linalg.norm(np.diff(keys, axis=0), axis=1).sum()
+        keys = evenly(keys, int(np.clip(length / _SHORT, _KNOTS, _MOST_KNOTS)))
+        for _ in range(_EASED):
+            keys[1:-1] = 0.5 * keys[1:-1] + 0.25 * (keys[:-2] + keys[2:])
+        way = skin.over(surface.projected(keys[:, :3] * surface.spacing)[0])
+        rough = np.repeat(x[None], len(keys), axis=0)
+        rough[1:, joints] = keys[1:, 3:]
+        rough[1:] = skin.put(rough[1:], way.place[1:], way.normal[1:])
+        smooth = self._leg(skin, skin.smoothed(rough, way), way, goal)
+        return replace(smooth, deep=self._deep(smooth.x))
+
+    def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
+        """A motion over the skin with what is felt on it, and how well it keeps to its way."""
+        # Between knots as well: a wrist that turns over there leaves the skin.
+        place, normal = dense(way.place), dense(way.normal)
+        at = skin.places(dense(x), normal)[0]
+        across = np.abs(np.einsum("ta,ta->t", at - place, normal))[_BEGUN * _BETWEEN :]
+        error = max(float(across.max()), float(np.linalg.norm(at[-1] - place[-1])))
+        node = skin.surface.kernel_at(at[::_BETWEEN])
+        node[-1] = goal
+        return Leg(x=x, node=node, error=error / skin.surface.spacing)
+
+    def _deep(self, x: np.ndarray) -> float:
+        """How much deeper than ever own parts are in each other in scaled postures `(n, J)`.
+
+        What the first and the last posture cannot help does not count.
+        """
+        excess = self.own_parts.excess(x / self.representation.joint_scale)
+        ends = max(float(excess[0]), float(excess[-1]), -_MARGIN)
+        return max(0.0, float(excess.max()) - ends)
+
+    def _lifter(self, surface: TouchedSurface) -> Lifter:
+        """The lifter of a surface within the range of experience."""
+        lower, upper = (self.representation.scaled(limit) for limit in self._range)
+        scale = self.representation.joint_scale
+        return Lifter(surface=surface, scale=scale, lower=lower, upper=upper)
+
+    def _roadmap(self, surface: TouchedSurface) -> Roadmap:
+        """The roadmap of a surface, made when it is first needed."""
+        number = self.surfaces.index(surface)
+        if number not in self._roadmaps:
+            random = np.random.default_rng(self.model.seed)
+            firm = self._x(surface.row[surface.firm])
+            self._roadmaps[number] = Roadmap(self._lifter(surface), firm, random)
+        return self._roadmaps[number]
+
+    def _goal_place(self, surface: TouchedSurface, ends: np.ndarray, goal: int) -> np.ndarray:
+        """`(3,)` where on the surface the goal is felt most surely: most touches about are its own.
+
+        Args:
+            surface: of the toucher.
+            ends: touches of the surface at which motions may end.
+            goal: the target sensation.
+        """
+        own = surface.place[ends[:: max(1, len(ends) // _PLACES)]]
+        some = np.concatenate([np.median(surface.place[ends], axis=0, keepdims=True), own])
+        some = surface.projected(some)[0]
+        near = surface.touches.query(some, k=min(_AMONG, len(surface.place)))[1]
+        surest = (self._kernel[surface.row[near]] == goal).mean(axis=1).argmax()
+        return some[surest]
+
+    def _ends(self, surface: TouchedSurface, goal: int) -> np.ndarray:
+        """Touches of the surface, by number, at which motions to a goal end."""
+        numbers = np.flatnonzero(self._kernel[surface.row] == goal)
+        if not len(numbers):
+            return numbers
+        rows = surface.row[numbers]
+        error, strength = self.representation.kernel_error, self.representation.kernel_strength
+        return numbers[surely_felt(error[rows], strength[rows])]
+
+    def _x(self, rows: np.ndarray) -> np.ndarray:
+        """`(n, J)` scaled stored configurations."""
+        return self.representation.scaled(self.representation.kernel_q[rows]).astype(float)
+
+    def _through(
+        self, q_start: np.ndarray, legs: Sequence[Leg], limits: tuple[np.ndarray, np.ndarray]
+    ) -> Plan:
+        """The smooth plan through all legs; each target sensation on them is one waypoint."""
+        scale = self.representation.joint_scale
+        x, node, at, in_air = [legs[0].x[:1]], [int(legs[0].node[0])], [0], list[bool]()
+        for leg in legs:
+            count = sum(map(len, x)) - 1
+            x.append(np.clip(dense(leg.x), *limits)[1:])
+            for row in _stretches(leg.node):
+                node.append(int(leg.node[row]))
+                at.append(count + _BETWEEN * row)
+                in_air.append(leg.in_air)
+        passed = np.concatenate(x)
+        path = smooth_path(passed, knot_spacing=self._knot_spacing, limits=limits)
+        path.c = path.c / scale
+        waypoints_q = passed[at] / scale
+        waypoints_q[0] = path.c[0] = q_start
+        imagined = np.ones(len(node), dtype=bool)
+        imagined[[0, -1]] = False
+        return Plan(
+            nodes=np.array(node),
+            links=np.full(len(in_air), -1),
+            in_air=np.array(in_air),
+            modes=np.full(len(in_air), NO_MODE),
+            imagined=imagined,
+            waypoints_q=waypoints_q,
+            waypoint_s=path_length(passed)[at],
+            path=path,
+        )
+
+
+def dense(knots: np.ndarray) -> np.ndarray:
+    """`(n, D)` samples of the smooth curve through `(T, D)` knots, `_BETWEEN` for each step."""
+    number = np.arange(len(knots), dtype=float)
+    at = np.linspace(0.0, number[-1], _BETWEEN * (len(knots) - 1) + 1)
+    samples = CubicSpline(number, knots)(at)
+    samples[::_BETWEEN] = knots
+    return samples
+
+
+def _hold_still(skin: Lifter, other: Lifter) -> bool:
+    """Whether a touch can be made while another one lasts: they have no joint in common."""
+    return not np.isin(skin.reach.joints, other.reach.joints).any()
+
+
+def _best(legs: Sequence[Leg | None]) -> Leg | None:
+    """The best of some motions, if it keeps to its way."""
+    good = [leg for leg in legs if leg is not None and leg.error <= _MISSED]
+    return min(good, key=lambda leg: leg.cost, default=None)
+
+
+def _stretches(node: np.ndarray) -> list[int]:
+    """The middle of each stretch of one target sensation beyond the first, and the last knot."""
+    starts = np.flatnonzero(np.diff(node)) + 1
+    ends = np.append(starts[1:], len(node))
+    middles = ((starts + ends - 1) // 2).tolist()
+    return [*middles[:-1], len(node) - 1]

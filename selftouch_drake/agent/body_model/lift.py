@@ -1,0 +1,205 @@
+"""From a way over the skin to a motion of the joints: inverse kinematics, smooth as a whole."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from selftouch_drake.agent.body_model.reach import Reach
+from selftouch_drake.agent.body_model.surface import TouchedSurface
+
+# Tolerances of the toucher's place across and along the skin, in distances of kernels.
+_ACROSS, _ALONG = 0.05, 0.2
+# A posture touches the skin if its toucher is nearer to it than this, in distances of kernels.
+_NEAR = 1.5
+# Steps of damped least squares that put a posture onto its place, each at most so long, mu.
+_PUT, _LONGEST = 8, 0.6
+# Share of the joints' squared reach by which these steps are damped.
+_DAMPED = 1e-3
+# Steps of Gauss-Newton over the whole motion, each at most so long, mu.
+_SMOOTHED, _MOST = 15, 0.5
+# A step that does not pay is halved so often; when one gains less than this share, the motion is
+# smooth.
+_HALVED, _GAIN = 4, 0.01
+# Weights of squared speed and of squared acceleration, per knot and mu, beside squared errors of
+# the place in their tolerances.
+_SPEED, _ACCELERATION = 1.0, 20.0
+# The end is held more tightly than the way, by this factor, for so many knots.
+_TIGHT, _END = 2.0, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SkinWay:
+    """A way over the skin for one toucher: T knots.
+
+    Attributes:
+        place: `(T, 3)` where the toucher's centre shall be.
+        normal: `(T, 3)` outward normals of the skin there.
+        across: tolerance across the skin, the model's unit of length.
+        along: tolerance along it.
+    """
+
+    place: np.ndarray
+    normal: np.ndarray
+    across: float
+    along: float
+
+    def weight(self) -> np.ndarray:
+        """`(T, 3, 3)` roots of the weights of errors of the place."""
+        across = np.einsum("ta,tb->tab", self.normal, self.normal)
+        root = across / self.across + (np.eye(3) - across) / self.along
+        root[-_END:] *= _TIGHT
+        return root
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lifter:
+    """Lifts ways over one part of the skin to the joints of one toucher.
+
+    Postures are scaled, mu, over the joints of the reach alone where it says `(…, L)`.
+
+    Attributes:
+        surface: the skin and the toucher.
+        scale: `(J,)` mu per unit of each joint's reading.
+        lower: `(J,)` lowest scaled posture.
+        upper: `(J,)` highest scaled posture.
+        pressure: how much deeper than firm touches ways are, in distances of kernels.
+    """
+
+    surface: TouchedSurface
+    scale: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    pressure: float = 0.0
+
+    @property
+    def reach(self) -> Reach:
+        """The kinematics."""
+        return self.surface.reach
+
+    def over(self, place: np.ndarray) -> SkinWay:
+        """A way over the skin through `(T, 3)` places on the surface."""
+        spacing = self.surface.spacing
+        normal = self.surface.projected(place)[1]
+        return SkinWay(
+            place=place - self.pressure * spacing * normal,
+            normal=normal,
+            across=_ACROSS * spacing,
+            along=_ALONG * spacing,
+        )
+
+    def touches(self, x: np.ndarray) -> bool:
+        """Whether the toucher is at the skin in a posture `(J,)`."""
+        far = self.surface.nodes.query(self.centres(x[None]))[0][0]
+        return bool(far < _NEAR * self.surface.spacing)
+
+    def places(self, x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""
+        place, by_q = self.reach.places(x / self.scale, normal)
+        return place, by_q / self.scale[self.reach.joints]
+
+    def centres(self, x: np.ndarray) -> np.ndarray:
+        """`(n, 3)` the toucher's places at `(n, J)` x, where it touches the skin or is near it."""
+        place, _ = self.places(x, np.zeros((len(x), 3)))
+        if self.reach.shape.any():
+            place, _ = self.places(x, self.surface.projected(place)[1])
+        return place
+
+    def put(
+        self, x: np.ndarray, place: np.ndarray, normal: np.ndarray, *, steps: int = _PUT
+    ) -> np.ndarray:
+        """`(n, J)` postures near `(n, J)` x with the toucher at `(n, 3)` places, if it gets there.
+
+        Each goes the shortest way, and stays within the limits.
+        """
+        x, joints = x.copy(), self.reach.joints
+        lower, upper = self.lower[joints], self.upper[joints]
+        for _ in range(steps):
+            at, by_x = self.places(x, normal)
+            square = np.einsum("nal,nbl->nab", by_x, by_x)
+            damping = _DAMPED * np.einsum("naa->n", square)
+            square += damping[:, None, None] * np.eye(3)
+            pull = np.linalg.solve(square, (place - at)[:, :, None])[:, :, 0]
+            step = np.einsum("nal,na->nl", by_x, pull)
+            size = np.linalg.norm(step, axis=1, keepdims=True)
+            step *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-12))
+            x[:, joints] = np.clip(x[:, joints] + step, lower, upper)
+        return x
+
+    def blended(self, x_start: np.ndarray, x_goal: np.ndarray, way: SkinWay) -> np.ndarray:
+        """`(n, T, J)` motions from one posture to n others, each put onto the way.
+
+        Args:
+            x_start: `(J,)`.
+            x_goal: `(n, J)`.
+            way: over the skin.
+        """
+        number, num = len(x_goal), len(way.place)
+        share = np.linspace(0.0, 1.0, num)[None, :, None]
+        x = x_start + share * (x_goal - x_start)[:, None]
+        flat = self.put(
+            x.reshape(-1, len(x_start)),
+            np.tile(way.place, (number, 1)),
+            np.tile(way.normal, (number, 1)),
+        )
+        x = flat.reshape(number, num, -1)
+        x[:, 0] = x_start
+        return x
+
+    def followed(self, x_start: np.ndarray, way: SkinWay) -> np.ndarray:
+        """`(T, J)` the motion from a posture that follows the way step by step."""
+        x = [x_start]
+        for place, normal in zip(way.place[1:], way.normal[1:], strict=True):
+            x.append(self.put(x[-1][None], place[None], normal[None], steps=3)[0])
+        return np.array(x)
+
+    def smoothed(self, x: np.ndarray, way: SkinWay) -> np.ndarray:
+        """`(T, J)` a motion like `(T, J)` x, as smooth and short as tolerances allow.
+
+        The first posture stays.
+        """
+        x, joints = x.copy(), self.reach.joints
+        num, length = len(x), len(joints)
+        lower, upper = self.lower[joints], self.upper[joints]
+        root = way.weight()
+        speed = np.diff(np.eye(num), axis=0)
+        bend = np.diff(np.eye(num), 2, axis=0)
+        rough = _SPEED * speed.T @ speed + _ACCELERATION * bend.T @ bend
+        bands = np.zeros((3 * length, num * length))
+        for off in range(3):
+            bands[off * length] = np.pad(np.repeat(np.diag(rough, -off), length), (0, off * length))
+
+        def state(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+            at, by_x = self.places(x, way.normal)
+            error = np.einsum("tab,tb->ta", root, at - way.place)
+            own = x[:, joints]
+            return float(np.sum(error**2) + np.sum(own * (rough @ own))), error, by_x
+
+        cost, error, by_x = state(x)
+        for _ in range(_SMOOTHED):
+            slope = np.einsum("tab,tbl->tal", root, by_x)
+            right = rough @ x[:, joints] + np.einsum("tal,ta->tl", slope, error)
+            square = np.einsum("tal,tam->tlm", slope, slope)
+            system = bands.copy()
+            for off in range(length):
+                diagonal = np.zeros((num, length))
+                diagonal[:, : length - off] = np.diagonal(square, off, 1, 2)
+                system[off] += diagonal.ravel()
+            # The first posture is given: its columns leave the system.
+            step = -solveh_banded(system[:, length:], right[1:].ravel(), lower=True)
+            step = step.reshape(num - 1, length)
+            step *= min(1.0, _MOST / max(np.abs(step).max(), 1e-12))
+            for _ in range(_HALVED):
+                trial = x.copy()
+                trial[1:, joints] = np.clip(x[1:, joints] + step, lower, upper)
+                found = state(trial)
+                if found[0] < cost:
+                    break
+                step *= 0.5
+            else:
+                break
+            gained = cost - found[0]
+            x, (cost, error, by_x) = trial, found
+            if gained < _GAIN * cost:
+                break
+        return x

@@ -1,0 +1,221 @@
+"""The skin as the agent imagines it: where a toucher was in firm touches, and ways over it.
+
+The kernels of the paper are points of the skin; with a body model, each touch is a point of its
+own. So the skin is known finer than its targets, and a straight way over it is a geodesic.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.body_model.reach import Reach
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+# Nodes of the surface are this share of the distance between neighbouring kernels apart.
+_FINE = 0.5
+# Nodes that are joined to each one, unless they are farther than this many times `_FINE` kernels.
+_JOINED, _GAP = 10, 4.0
+# Nodes whose middle and plane are the surface about one, and those that are blended.
+_ABOUT, _BLENDED = 9, 5
+# Rounds in which a way over nodes becomes straight.
+_ROUNDS = 25
+# Touches of a kernel count as firm above this quantile of their strength.
+_FIRM = 0.5
+# A surface of fewer nodes is none.
+_FEWEST = 12
+
+
+# No slots: trees are built at first use, and kept.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TouchedSurface:
+    """A part of the skin as one toucher knows it: n touches, m nodes.
+
+    Places are of the toucher's centre, in the frame of the part's link, the model's unit of length.
+
+    Attributes:
+        reach: how the toucher moves over the part.
+        row: `(n,)` stored touches of the toucher there, as rows of `kernel_q`.
+        place: `(n, 3)` the toucher's centre in each.
+        firm: `(n,)` bool, the firmer half of each kernel.
+        spacing: the median distance between neighbouring kernels.
+        node: `(m, 3)` the surface, evenly spread, where touches are firm.
+        normal: `(m, 3)` its outward normals there.
+        graph: `(m, m)` distances between neighbouring nodes.
+        kernel: `(k,)` the target sensations of its touches whose places are known.
+        kernel_place: `(k, 3)` these places.
+    """
+
+    reach: Reach
+    row: np.ndarray
+    place: np.ndarray
+    firm: np.ndarray
+    spacing: float
+    node: np.ndarray
+    normal: np.ndarray
+    graph: csr_array
+    kernel: np.ndarray
+    kernel_place: np.ndarray
+
+    def kernel_at(self, at: np.ndarray) -> np.ndarray:
+        """`(n,)` the target sensation whose place is nearest to each of `(n, 3)` places."""
+        return self.kernel[cKDTree(self.kernel_place).query(at)[1]]
+
+    @cached_property
+    def nodes(self) -> cKDTree:
+        """For the nodes near a place."""
+        return cKDTree(self.node)
+
+    @cached_property
+    def touches(self) -> cKDTree:
+        """For the touches near a place."""
+        return cKDTree(self.place)
+
+    def projected(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest places on the surface, blended from its planes, and the normals there.
+
+        Args:
+            at: `(n, 3)` places near it.
+        """
+        far, near = self.nodes.query(at, k=min(_BLENDED, len(self.node)))
+        weight = np.exp(-0.5 * np.square(far / (_FINE * self.spacing)))
+        weight += 1e-9 / (1e-9 + far)  # far from all, the nearest counts
+        weight /= weight.sum(axis=1, keepdims=True)
+        normal = np.einsum("nk,nka->na", weight, self.normal[near])
+        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        normal = np.where(size > 1e-6, normal / np.maximum(size, 1e-6), self.normal[near[:, 0]])
+        above = np.einsum("nka,na->nk", at[:, None] - self.node[near], normal)
+        return at - np.einsum("nk,nk->n", weight, above)[:, None] * normal, normal
+
+    def way(self, start: np.ndarray, goal: np.ndarray, num: int) -> np.ndarray | None:
+        """`(num, 3)` evenly spaced places on a short way over the surface; None if there is none.
+
+        Args:
+            start: `(3,)` place at which it begins.
+            goal: `(3,)` place at which it ends.
+            num: of places.
+        """
+        first, last = self.nodes.query(np.stack([start, goal]))[1].tolist()
+        far, before = dijkstra(self.graph, indices=first, return_predecessors=True)
+        if not np.isfinite(far[last]):
+            return None
+        passed = [last]
+        while passed[-1] != first:
+            passed.append(int(before[passed[-1]]))
+        way = evenly(np.concatenate([[start], self.node[passed[::-1]][1:-1], [goal]]), num)
+        for _ in range(_ROUNDS):
+            way[1:-1] = 0.5 * way[1:-1] + 0.25 * (way[:-2] + way[2:])
+            way[1:-1] = self.projected(way[1:-1])[0]
+            way = evenly(way, num)
+        return way
+
+
+def touched_surfaces(
+    model: BodyModel, representation: QuotientRepresentation
+) -> list[TouchedSurface]:
+    """The surfaces of all parts of an accepted model, for each toucher that knows them."""
+    kernel = np.repeat(
+        np.arange(representation.num_targets), np.diff(representation.kernel_offsets)
+    )
+    found = []
+    for part in np.flatnonzero(model.accepted_by_part).tolist():
+        on_part = model.kernel_part[kernel] == part
+        for toucher in range(len(model.toucher_link)):
+            reach = Reach.of(model, part, toucher)
+            rows = np.flatnonzero(on_part & (model.kernel_toucher == toucher))
+            if reach is None or not len(rows):
+                continue
+            surface = _surface(model, representation, reach, rows, kernel[rows])
+            if surface is not None:
+                found.append(surface)
+    return found
+
+
+def _surface(
+    model: BodyModel,
+    representation: QuotientRepresentation,
+    reach: Reach,
+    rows: np.ndarray,
+    kernel: np.ndarray,
+) -> TouchedSurface | None:
+    """The surface of a part as `(n,)` touches of `(n,)` kernels by one toucher know it."""
+    known = np.unique(kernel)
+    known = known[np.isfinite(model.kernel_place[known]).all(axis=1)]
+    if len(known) < 3:
+        return None
+    kernel_place = model.kernel_place[known]
+    spacing = float(np.median(cKDTree(kernel_place).query(kernel_place, k=2)[0][:, 1]))
+    outward = model.kernel_normal[kernel]
+    place = reach.places(representation.kernel_q[rows].astype(float), outward)[0]
+    firm = _firm(representation.kernel_strength[rows], kernel)
+    node, at = _thinned(place[firm], _FINE * spacing)
+    if len(node) < _FEWEST:
+        return None
+    nodes = cKDTree(node)
+    far, near = nodes.query(node, k=min(_JOINED + 1, len(node)))
+    about = node[near[:, : _ABOUT + 1]]
+    middle = about.mean(axis=1)
+    off = about - middle[:, None]
+    normal = np.linalg.eigh(np.einsum("mka,mkb->mab", off, off))[1][:, :, 0]
+    # Kernels know which side is outside.
+    side = np.zeros_like(node)
+    np.add.at(side, at, np.nan_to_num(outward[firm]))
+    side = side[near].sum(axis=1)
+    # Without them, the outside is away from the middle.
+    unknown = ~side.any(axis=1)
+    side[unknown] = (node - node.mean(axis=0))[unknown]
+    normal *= np.where(np.einsum("ma,ma->m", normal, side) < 0, -1.0, 1.0)[:, None]
+    node = node - np.einsum("ma,ma->m", node - middle, normal)[:, None] * normal
+    joined = far[:, 1:] <= _GAP * _FINE * spacing
+    first = np.repeat(np.arange(len(node)), joined.sum(axis=1))
+    second = near[:, 1:][joined]
+    length = np.linalg.norm(node[first] - node[second], axis=1)
+    graph = csr_array((length, (first, second)), shape=(len(node), len(node)))
+    return TouchedSurface(
+        reach=reach,
+        row=rows,
+        place=place,
+        firm=firm,
+        spacing=spacing,
+        node=node,
+        normal=normal,
+        graph=csr_array(graph.maximum(graph.T)),
+        kernel=known,
+        kernel_place=kernel_place,
+    )
+
+
+def _firm(strength: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """`(n,)` bool, touches that are among the firmer of their kernel; kernels ascend."""
+    firm = np.zeros(len(kernel), dtype=bool)
+    ends = np.flatnonzero(np.diff(kernel, prepend=-1, append=-1))
+    for start, end in pairwise(ends):
+        own = strength[start:end]
+        firm[start:end] = own >= np.quantile(own, _FIRM)
+    return firm
+
+
+def _thinned(place: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """`(m, 3)` means of the places that share a cell of a grid, and `(n,)` the mean of each."""
+    corner = np.floor((place - place.min(axis=0)) / cell).astype(np.int64)
+    sides = corner.max(axis=0) + 1
+    _, at, count = np.unique(
+        np.ravel_multi_index(tuple(corner.T), tuple(sides)),
+        return_inverse=True,
+        return_counts=True,
+    )
+    total = np.zeros((len(count), 3))
+    np.add.at(total, at, place)
+    return total / count[:, None], at
+
+
+def evenly(way: np.ndarray, num: int) -> np.ndarray:
+    """`(num, D)` points at equal distances along a `(n, D)` polyline."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    at = np.linspace(0.0, length[-1], num)
+    return np.stack([np.interp(at, length, way[:, axis]) for axis in range(way.shape[1])], axis=1)
