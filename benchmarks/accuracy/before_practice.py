@@ -9,8 +9,9 @@ a folder is a run that has learned. Random pairs of sensations on one part are p
 starts in two ways, and judged by the experimenter without dynamics: contact (mean and worst), goals
 felt, postures and plans in which rigid parts overlap, perfect plans (contact throughout, the goal
 felt, no overlap), the path on the true skin over the shortest (median and worst), motion of the
-joints, prediction error, seconds of processor time for a plan with times and prediction, and the
-share of the plans that the model knew a way for.
+joints, prediction error, milliseconds of processor time for a plan with times and prediction, plans
+that leave the skin on purpose (their time in the air is not lost contact), and the share of the
+plans that the model knew a way for.
 """
 
 import argparse
@@ -39,6 +40,7 @@ class Row(NamedTuple):
     motion: float
     error: float
     seconds: float
+    lifts_off: bool
     imagined: bool
 
     @property
@@ -85,6 +87,7 @@ def planned(agent: Agent, bodies: Bodies, run: RunDirectory, pairs: list[tuple[i
             motion=float(np.linalg.norm(np.diff(motion.q, axis=0), axis=1).sum()),
             error=score.prediction_error,
             seconds=seconds,
+            lifts_off=bool(plan.in_air.any()),
             imagined=plan.is_imagined,
         )
 
@@ -92,7 +95,7 @@ def planned(agent: Agent, bodies: Bodies, run: RunDirectory, pairs: list[tuple[i
 def printed(name: str, way: str, rows: list[Row]) -> None:
     """One line of figures."""
     values = np.array([row[:-1] for row in rows], dtype=float)
-    contact, reached, overlap, over, motion, error, seconds = values.T
+    contact, reached, overlap, over, motion, error, seconds, lifts = values.T
     known = over[np.isfinite(over)]
     paths = f"{np.median(known):5.2f} / {known.max():5.2f}" if len(known) else "    -        "
     print(
@@ -100,7 +103,8 @@ def printed(name: str, way: str, rows: list[Row]) -> None:
         f"{100 * contact.min():5.1f} {100 * reached.mean():5.0f} {100 * overlap.mean():7.2f} "
         f"({np.sum(overlap > 0):d}) {100 * np.mean([row.perfect for row in rows]):6.0f} {paths} "
         f"{np.median(motion):6.2f} {error.mean():8.4f} {1e3 * np.median(seconds):6.0f} / "
-        f"{1e3 * np.quantile(seconds, 0.95):4.0f} {100 * np.mean([r.imagined for r in rows]):5.0f}",
+        f"{1e3 * np.quantile(seconds, 0.95):4.0f} {lifts.sum():5.0f} "
+        f"{100 * np.mean([row.imagined for row in rows]):5.0f}",
         flush=True,
     )
 
@@ -118,7 +122,8 @@ def main() -> None:
     args = parser.parse_args()
     print(
         f"{'':>16} {'way':>8} {'num':>4} {'contact, worst':>15} {'goals':>5} {'overlaps':>11} "
-        f"{'perfect':>6} {'path, worst':>13} {'motion':>6} {'error':>8} {'ms, 95 %':>13} imagined"
+        f"{'perfect':>6} {'path, worst':>13} {'motion':>6} {'error':>8} {'ms, 95 %':>13} "
+        f"{'lifts':>5} imagined"
     )
     for name in args.names:
         if Path(name).is_dir():

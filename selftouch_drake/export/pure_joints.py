@@ -107,7 +107,7 @@ def _ways(model: BodyModel, q: np.ndarray, target: np.ndarray) -> list[_Way]:
         start, end = int(model.part_link[pair[0]]), int(model.toucher_link[pair[1]])
         if start == UNUSED:
             continue
-        up, down = _between(model, start, end)
+        up, down = model.between(start, end)
         here = rows[(part == pair[0]) & (toucher == pair[1])]
         joints, signs = up + down, np.array([-1.0] * len(up) + [1.0] * len(down))
         if not joints:
@@ -116,14 +116,6 @@ def _ways(model: BodyModel, q: np.ndarray, target: np.ndarray) -> list[_Way]:
         place = derivatives(own, model.twists[joints], model.toucher_place[pair[1]], signs)[0]
         found.append(_Way(joints, signs, pair[1], own, place))
     return found
-
-
-def _between(model: BodyModel, start: int, end: int) -> tuple[list[int], list[int]]:
-    """Joints from one link up, the last one first, and down to another; common ones cancel."""
-    up, down = model.chain(start), model.chain(end)
-    while up and down and up[0] == down[0]:
-        up, down = up[1:], down[1:]
-    return up[::-1], down
 
 
 def _pure(model: BodyModel, slides: np.ndarray) -> np.ndarray:

@@ -61,6 +61,7 @@ class FirstTry:
             agent's own lengths; None if it lifts off, or where `OwnPaths` does not know.
         true_over_shortest: the same by the truth; None likewise, or if nobody knows it.
         unpractised_true_over_shortest: the same of the plan before practice.
+        unpractised_lifts_off: whether that plan goes through the air anywhere.
         num_slides: ways that practice found for steps of the plan.
         errors: `(n,)` cosine distances from predicted to felt, in their predicted scales.
         impossible_planned: samples of the plan at which the body cannot be.
@@ -80,6 +81,7 @@ class FirstTry:
     over_shortest: float | None
     true_over_shortest: float | None
     unpractised_true_over_shortest: float | None
+    unpractised_lifts_off: bool
     num_slides: int
     errors: np.ndarray
     impossible_planned: int
@@ -156,6 +158,7 @@ class FirstTries:
             over_shortest=own_path,
             true_over_shortest=true_path,
             unpractised_true_over_shortest=self._over_shortest(unpractised, blind_felt)[1],
+            unpractised_lifts_off=bool(unpractised.plan.in_air.any()),
             num_slides=len(planned_motion.agent.memory.slides.ends),
             errors=_prediction_errors(execution),
             impossible_planned=0 if overlap is None else int(overlap.sum()),
@@ -296,6 +299,7 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
 def _unpractised_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
     """More metrics of plans before practice, without dynamics."""
     true_paths = [trial.unpractised_true_over_shortest for trial in trials]
+    lifts_off = [trial.unpractised_lifts_off for trial in trials]
     perfect = [
         trial.unpractised.contact == 1.0
         and trial.unpractised.reached
@@ -306,6 +310,7 @@ def _unpractised_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
     overlaps = [trial.overlap_unpractised for trial in trials]
     return {
         "unpractised_perfect_rate": _of_known(np.mean, perfect),
+        "unpractised_lift_off_rate": float(np.mean(lifts_off)),
         "unpractised_own_parts_overlap_share": _overlap_share(overlaps),
         **_summary("unpractised_true_path_over_shortest", true_paths),
     }

@@ -206,9 +206,9 @@ class Imagination:
         skins = [skin for skin in skins if skin.reach.part == part]
         touching = [skin for skin in skins if here is not None and skin.touches(x)]
         best = _best([self._slide(skin, x, goal) for skin in touching])
-        if best is not None:
+        if best is not None and best.good:
             return [best]
-        ways = list[list[Leg]]()
+        ways = [] if best is None else [[best]]
         for skin in skins:
             ends = self._ends(skin.surface, goal)
             if not len(ends):
@@ -254,7 +254,7 @@ class Imagination:
 
         def leg(*via: np.ndarray) -> Leg:
             knots = np.stack([x, *via, landed])
-            node = np.array([start, *[NO_KERNEL] * len(via), kernel])
+            node = np.array([start, *[kernel] * len(via), kernel])
             deep = self._deep(evenly(dense(knots), _AIR_SAMPLES))
             return Leg(x=knots, node=node, in_air=True, deep=deep)
 
