@@ -451,7 +451,11 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
     assert figures["planning_impossible_postures"] == 5
     assert figures["execution_impossible_postures"] == 5
     # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
-    planned, executed = steps
+    planned, executed, unpractised = steps
+    assert figures["planning_own_parts_overlap_share"] == pytest.approx(5 / planned)
+    assert figures["unpractised_own_parts_overlap_share"] == pytest.approx(5 / unpractised)
+    assert figures["unpractised_perfect_rate"] == 0.0
+    assert figures["unpractised_lift_off_rate"] in (0.0, 1.0)
     assert executed == pytest.approx(2 * planned, abs=2)
 
 
