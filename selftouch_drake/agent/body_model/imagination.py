@@ -329,11 +329,10 @@ class Imagination:
     def _deep(self, x: np.ndarray) -> float:
         """How much deeper than ever own parts are in each other in scaled postures `(n, J)`.
 
-        What the first and the last posture cannot help does not count.
+        What the first posture cannot help does not count.
         """
         excess = self.own_parts.excess(x / self.representation.joint_scale)
-        ends = max(float(excess[0]), float(excess[-1]), -_MARGIN)
-        return max(0.0, float(excess.max()) - ends)
+        return max(0.0, float(excess.max()) - max(float(excess[0]), -_MARGIN))
 
     def _lifter(self, surface: TouchedSurface) -> Lifter:
         """The lifter of a surface within the range of experience."""
