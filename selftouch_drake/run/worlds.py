@@ -20,6 +20,7 @@ from selftouch_drake.bodies.own import open_reference
 from selftouch_drake.bodies.user_body import UserBody
 from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of, write_shard
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.files import load_arrays
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
 #: Touches of a run that a body is to feel again; most touches in a shard of those that it met.
@@ -46,14 +47,37 @@ def run_bodies(run: RunDirectory) -> Bodies:
     The run keeps its skins for other processes and later commands.
 
     Raises:
-        RunError: a model was edited since the start of the run.
+        RunError: a model was edited since the start of the run, or another version of the program
+            made its skins otherwise.
         ValueError: as `build_world`.
     """
     run.require_models()
     known = run.experiment.after(0), run.fingerprint()
     if not bodies_of.knows(*known):
-        bodies_of.keep(make_bodies(known[0], run.cache, known[1], run.known_baseline()), *known)
+        bodies = make_bodies(known[0], run.cache, known[1], run.known_baseline())
+        if bodies.world is not None:
+            _require_skins(run, bodies.world)
+        bodies_of.keep(bodies, *known)
     return bodies_of(*known)
+
+
+def _require_skins(run: RunDirectory, world: World) -> None:
+    """Refuses skins that differ from those with which a run felt: its readings mean others.
+
+    Raises:
+        RunError: they differ.
+    """
+    if not run.skin.exists():
+        return
+    stored = load_arrays(run.skin)
+    for skin in world.skins:
+        for key in ("vertices", "faces", "p_LS"):
+            felt, made = stored.get(f"{skin.name}_{key}"), getattr(skin.fields, key)
+            if felt is None or felt.shape != made.shape or not np.allclose(felt, made, atol=1e-6):
+                raise RunError(
+                    f"{run.path} felt with another skin {skin.name!r}: an older version made it "
+                    "otherwise; babble again, or use that version"
+                )
 
 
 def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -> Body:
