@@ -2,7 +2,7 @@
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import manifold3d
 import numpy as np
@@ -83,28 +83,13 @@ def drawn_page() -> Iterator[Meshcat]:
             meshcat.Delete(path)
 
 
-@contextlib.contextmanager
-def shown_page(
-    name: str, port: int | None = None, announce: Callable[[str], None] = print
-) -> Iterator[Meshcat]:
-    """Opens a Meshcat for what goes on inside, until its end or Ctrl-C.
-
-    `announce` is called with where to look, and at the end; port and errors as in `open_meshcat`.
-    """
-    meshcat = open_meshcat(port)
-    announce(f"{name} at {meshcat.web_url()} (Ctrl-C to end)")
-    with contextlib.suppress(KeyboardInterrupt):
-        yield meshcat
-    announce("ended")
-
-
 class Stage:
     """The background, the camera and the text of a page that shows a robot.
 
     Args:
         postures: `(n, J)` for which there is to be room; by default `home`.
-        beside_panel: whether the robot stands left of the middle of the page, so that Meshcat's
-            controls do not cover its neighbours on a page that is at least 4:3.
+        beside_panel: whether the camera is farther away, so that there is room for Meshcat's
+            controls; the page moves the scene aside.
 
     Attributes:
         home: `(J,)` rad or m, the posture that its model has by default.
@@ -162,7 +147,6 @@ class Stage:
         distance = 0.35 + 1.7 * self.size
         if beside_panel:
             distance *= 1.25
-            centre = centre + 0.2 * distance * VIEW.axes[0]
         self._meshcat.SetCameraPose(centre + distance * VIEW.towards, centre)
 
 
