@@ -34,7 +34,7 @@ END = "end"
 APART = 1.55
 # Share of the places of moving skins that may overlap with the neighbours, on each side.
 _RARE = 0.03
-# Captions stand lower by at most this share of the size if the touchers reach below the skins.
+# Captions stand lower by at most this share of the size where corners or touchers reach down.
 _DEEPEST = 0.4
 # All that is drawn on a page.
 _ALL_PATHS = ("/drake", "/skins", "/touching", "/expected", "/recovered", "/titles", "/status")
@@ -137,12 +137,14 @@ class Stage:
         picture = VIEW.project(np.concatenate(places) - self._middle)
         (left, lowest, _), (right, _, _) = np.quantile(picture, [_RARE, 1 - _RARE], axis=0)
         self.size = max(float((high - low).max()), float(right - left) / APART)
-        # Captions stand below what touches too, unless that reaches far below the skins.
+        # Captions stand below corners and what touches too, unless these reach far below the rest.
         touching = VIEW.project(
             self._robot.toucher_positions(postures).reshape(-1, 3) - self._middle
         )
-        reached = np.quantile(touching[:, 1], _RARE) if len(touching) else lowest
-        lowest = min(lowest, max(float(reached), lowest - _DEEPEST * self.size))
+        reached = picture[:, 1].min()
+        if len(touching):
+            reached = min(reached, np.quantile(touching[:, 1], _RARE))
+        lowest = max(float(reached), lowest - _DEEPEST * self.size)
         self._under = self._middle + (lowest - 0.25 * self.size) * VIEW.axes[1]
 
     def _set_stage(self, *, beside_panel: bool) -> None:
