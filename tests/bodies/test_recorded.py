@@ -130,4 +130,4 @@ def test_a_body_that_feels_nothing_where_the_run_did_is_said(run):
 def test_a_robot_of_drakes_has_its_body(tmp_path):
     done = selftouch("live", "sphere", "--out", tmp_path / "run", *BODY)
     assert done.status == 2
-    assert f"selftouch: --body is {BODY[1]}, but {tmp_path / 'run'} has a robot of" in done.stderr
+    assert f"selftouch: --body is {BODY[1]}, but {tmp_path / 'run'} has a robot that" in done.stderr
