@@ -35,8 +35,8 @@ from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show.meshcat.live import TARGET, LiveShow
-from selftouch_drake.show.meshcat.stage import open_meshcat
+from selftouch_drake.show.meshcat.live import PLAY_FIT, TARGET, LiveShow
+from selftouch_drake.show.meshcat.live_page import shown_page
 from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.robot_pictures import PostureCamera
 from selftouch_drake.show.run_data import RunData
@@ -159,18 +159,21 @@ def live(runs: Path) -> None:
     """The live page in the middle of a motion, as a browser shows it."""
     from playwright.sync_api import sync_playwright
 
-    data, meshcat = torus(runs), open_meshcat()
+    data, said = torus(runs), list[str]()
     pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.run.experiment)
-    show = LiveShow(meshcat, data, pilot)
-    show.simulation.set_rate(0.0)
-    meshcat.SetSliderValue(TARGET, TOUR[1])
-    for _ in range(NUM_FRAMES):
-        show.step()
-    with sync_playwright() as driver:
+    with (
+        shown_page("torus", announce=said.append, **PLAY_FIT) as meshcat,
+        sync_playwright() as driver,
+    ):
+        show = LiveShow(meshcat, data, pilot)
+        show.simulation.set_rate(0.0)
+        meshcat.SetSliderValue(TARGET, TOUR[1])
+        for _ in range(NUM_FRAMES):
+            show.step()
         path = shutil.which("chromium") or shutil.which("google-chrome")
         browser = driver.chromium.launch(executable_path=path, args=SOFTWARE_GL)
         page = browser.new_page(viewport={"width": 1200, "height": 620}, device_scale_factor=1.5)
-        page.goto(meshcat.web_url())
+        page.goto(said[0].split()[2])
         page.wait_for_timeout(5000)
         page.screenshot(path=IMAGES / "live.png", clip=LIVE_CLIP, timeout=120_000)
 

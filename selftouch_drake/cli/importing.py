@@ -23,7 +23,7 @@ from selftouch_drake.cli.stages import progress_bar
 @click.option(
     "--time",
     metavar="COLUMN",
-    help="Times or dates, for the speeds of the joints; none for no time.",
+    help="Times or dates, which give the speeds of the joints; 'none' does without.",
 )
 @click.option(
     "--time-unit",
@@ -36,7 +36,9 @@ from selftouch_drake.cli.stages import progress_bar
     multiple=True,
     help="Import only rows with this value, or one of several with commas between them.",
 )
-@click.option("--delimiter", help="Between the columns of CSV.  [default: as in the first line]")
+@click.option(
+    "--delimiter", help="Character between the columns of CSV.  [default: as in the first line]"
+)
 @click.option(
     "--offset",
     type=float,
@@ -94,7 +96,7 @@ def import_data(
         imported.store(directory, read)
     for line in summary(read, experiment):
         click.echo(line)
-    click.echo(f"run: {directory.path}")
+    click.echo(f"run: {directory.path}\nnext: selftouch learn {directory.path}")
 
 
 @click.command("map")
@@ -114,7 +116,7 @@ def import_data(
     type=click.IntRange(min=20),
     default=1000,
     show_default=True,
-    help="Most touches to take, evenly over all.",
+    help="Number of touches to use at most, spread evenly over the recording.",
 )
 def map_receptors(source: Path, out: Path | None, touches: int, **how: Any) -> None:
     """Find where the receptors are, from few touches.
@@ -146,7 +148,10 @@ def map_receptors(source: Path, out: Path | None, touches: int, **how: Any) -> N
 @click.command()
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
 @click.option(
-    "--recording", metavar="NAME_OR_PATH", required=True, help="As in torus_1, or a file."
+    "--recording",
+    metavar="NAME_OR_PATH",
+    required=True,
+    help="A shipped recording, as torus_1, or a file.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
 def score(file: Path, recording: str, as_json: bool) -> None:

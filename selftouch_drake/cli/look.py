@@ -68,7 +68,10 @@ def live(
 
     with with_user_body(directory, body) if body else nullcontext():
         if not (no_page or directory.experiment.has_truth):
-            click.echo("selftouch: the page needs a robot of Drake's: going on without", err=True)
+            click.echo(
+                "selftouch: no page: it needs a robot that Drake simulates, and this run has none",
+                err=True,
+            )
             no_page = True
         if not (stages.has_babbled(directory) or directory.experiment.imported):
             with local_executor(workers) as executor:
@@ -77,10 +80,11 @@ def live(
             with progress_bar("live") as progress:
                 lifelong.live(directory, progress=progress, num_more=touches if body else 0)
         else:
-            from selftouch_drake.show.meshcat.pages import LifePage
-            from selftouch_drake.show.meshcat.stage import shown_page
+            from selftouch_drake.show.meshcat.live_page import shown_page
+            from selftouch_drake.show.meshcat.pages import LIFE_FIT, LifePage
 
-            with shown_page("live", port, click.echo) as meshcat:
+            name = f"{directory.experiment.name}, live"
+            with shown_page(name, port, click.echo, **LIFE_FIT) as meshcat:
                 lifelong.live(directory, LifePage(meshcat))
     click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")
 
@@ -179,7 +183,9 @@ def _open_body(body: str, overrides: dict[str, Any]) -> "CheckedBody":
         return open_reference(body)
     loaded, _ = load(body, overrides)
     if loaded.body_from == "robot":
-        raise click.UsageError(f"{body} has a robot of Drake's: see `selftouch robot {body}`")
+        raise click.UsageError(
+            f"{body} has a robot that Drake simulates: check it with `selftouch robot {body}`"
+        )
     return open_body(loaded)
 
 

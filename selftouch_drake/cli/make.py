@@ -80,12 +80,12 @@ def learn(directory: "RunDirectory", add: bool, scheduler: str | None) -> None:
     """Learn the quotient graph, recover the body and model it.
 
     Reads the touches of the run directory RUN, never the truth (where the robot was touched). If
-    all but the body model is there, only that is made.
+    only the body model is missing, only that is made.
     """
     from selftouch_drake.run.worlds import add_met
 
     if add:
-        click.echo(f"added: {add_met(directory):,} touches so far")
+        click.echo(f"added so far: {add_met(directory):,} touches that a body of your own met")
     learn_with_bar(directory, scheduler)
     click.echo(f"representation: {directory.representation}")
 

@@ -25,8 +25,8 @@ _WIDE = 160
     type=click.Path(path_type=Path, dir_okay=False),
     multiple=True,
     metavar="FILE",
-    help="Write the body to FILE, as URDF; as SDFormat or MJCF if it ends in .sdf or .xml. May be "
-    "given again.",
+    help="Write the body to FILE, as URDF; as SDFormat or MJCF if it ends in .sdf or .xml. Can "
+    "be given several times.",
 )
 @click.option(
     "--length",
@@ -53,8 +53,8 @@ _WIDE = 160
     "--start",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A model of the robot that you have, to be corrected: URDF; SDFormat, MJCF and model "
-    "directives are compared.",
+    help="Your own model of the robot. URDF is corrected; SDFormat, MJCF and model directives are "
+    "only compared with the touches.",
 )
 @click.option("--link", help="With --start: the link that wears the skin.")
 @click.option("--frame", help="With --start: the frame or link that touches it.")
@@ -123,7 +123,7 @@ def model(
     STEM_part_0.obj       the surface of a part; .stl and .ply hold the same
     STEM_experiment.yaml  an experiment with this robot, if length and depth are given
 
-    With --start a model that you have is put right by the touches of RUN, which need not have
+    With --start your own model of the robot is corrected by the touches of RUN, which need not have
     learned: offsets, mounts, axes, lengths and receptors, with standard errors, and what is wrong
     with it. The corrected copy goes to --urdf, or to FILE_refitted.urdf beside it.
 

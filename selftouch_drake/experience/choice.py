@@ -177,8 +177,8 @@ class Choice:
             return found
         raise RecordingError(
             f"{self._source} has no column with a usual name for {option}; it has "
-            f"{self._all}: name the column, as in {option} '{defaults[0]}' or "
-            f"{option} '{PATTERNS[option]}'"
+            f"{self._all}: give those that hold {_OPTIONS[option]}, by name or by a pattern such "
+            f"as {option} '{PATTERNS[option]}'"
         )
 
     def _boards(self) -> list[str]:

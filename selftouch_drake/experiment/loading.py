@@ -15,6 +15,8 @@ from selftouch_drake.resources import EXPERIMENTS, shipped
 
 _EXPERIMENT = TypeAdapter(Experiment)
 _SKINS = TypeAdapter(dict[Name, Skin])
+# What files of robots end in.
+_MODELS = (".urdf", ".sdf", ".xml", ".xacro")
 
 
 def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
@@ -169,13 +171,30 @@ def find_yaml(what: str, source: str | Path, folder: Path) -> Path:
         ExperimentError: there is no such file; `what` says of what kind it was to be.
     """
     for path in (folder / f"{source}.yaml", Path(source)):
-        # A name that is too long for a file raises an error; here it is just not a file.
-        with contextlib.suppress(OSError, ValueError):
-            if path.is_file():
-                return path
+        if _is_file(path):
+            if path.suffix.lower() in _MODELS:
+                raise ExperimentError(
+                    f"{what} {shown(str(source))} is the model of a robot; write an experiment "
+                    "whose robot.directives add it: `selftouch experiments --show cube` prints "
+                    "one"
+                )
+            return path
+    if what == "experiment" and _is_file(Path(source, "experiment.yaml")):
+        raise ExperimentError(
+            f"experiment {shown(str(source))} is a run: `selftouch learn {source}` and `selftouch "
+            f"report {source}` take it; to go on with its babbling, give "
+            f"{Path(source) / 'experiment.yaml'} --out {source}"
+        )
     names = shipped(folder)
     hint = closest(str(source), names) or f"shipped are {', '.join(names)}"
     raise ExperimentError(f"{what} {shown(str(source))} is neither shipped nor a file; {hint}")
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that is too long for one raises no error here."""
+    with contextlib.suppress(OSError, ValueError):
+        return path.is_file()
+    return False
 
 
 def _absolute_paths(folder: Path, fields: Any, section: str = "") -> Any:

@@ -161,8 +161,8 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
     if not len(bridges):
         return edges
     warnings.warn(
-        f"the quotient graph fell into {num_components} components, of "
-        f"{_first_five(np.bincount(label))} kernels, joined by bridges "
+        f"the quotient graph fell into {num_components} components, with "
+        f"{_first_five(np.bincount(label))} kernels, and was joined by the bridges "
         f"{_first_five(f'{i}-{j}' for i, j in bridges)}: babble longer, or give fewer targets",
         DisconnectedWarning,
         stacklevel=2,

@@ -156,6 +156,19 @@ def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
     return roots
 
 
+# Folders above a model in which its packages are looked for.
+_NUM_ABOVE = 4
+
+
+def _likely_root(name: str, folder: Path) -> str:
+    """The folder of an unknown package, if one of its name lies beside or above `folder`."""
+    for above in [folder, *folder.parents][:_NUM_ABOVE]:
+        for root in (above, above / name):
+            if root.name == name and root.is_dir():
+                return str(root)
+    return "FOLDER"
+
+
 class _Reader:
     """Walks from directives to meshes, and notes every file on the way.
 
@@ -191,7 +204,10 @@ class _Reader:
                     root = Path(self._drake.GetPath(name))
             else:
                 known = [*self._roots, *self._drake.GetPackageNames()]
-                hint = closest(name, known) or f"known are {', '.join(known)}"
+                hint = closest(name, known) or (
+                    f"known are {', '.join(known)}; give its folder, as in "
+                    f"packages: {{{name}: {_likely_root(name, folder)}}}"
+                )
                 raise ExperimentError(
                     f"{what} is {uri!r}; there is no package {name!r} in robot.packages: {hint}"
                 )
@@ -205,6 +221,12 @@ class _Reader:
     def directives(self, path: Path) -> tuple[ModelDirectives, bool]:
         """Directives with absolute files in them, and whether one of these is a copy."""
         any_copied = False
+        if path.suffix.lower() in (".xacro", *_NAMING):
+            raise ExperimentError(
+                f"directives {path} are the model of a robot; write directives (.dmd.yaml) that "
+                f"add it, as in directives: [{{add_model: {{name: robot, file: {path.name}}}}}], "
+                "and weld what floats freely (add_weld)"
+            )
         with self._reading(path):
             with one_line(f"directives {path} cannot be read"):
                 loaded = LoadModelDirectives(str(path))

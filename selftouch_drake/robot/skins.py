@@ -346,8 +346,11 @@ def _pieces(
     inspector, wanted = scene_graph.model_inspector(), skin.surface.shape
     geometries = link_geometries(plant, inspector, link, _ROLES[wanted])
     if not geometries:
+        (other,) = _ROLES.keys() - {wanted}
+        has_other = bool(link_geometries(plant, inspector, link, _ROLES[other]))
+        remedy = f"take {other!r}" if has_other else "add some in its model"
         raise ValueError(
-            f"surface is {wanted!r}, but link {link.name()!r} has no such geometry; add "
-            "some in its model, or give a shape or a mesh"
+            f"surface is {wanted!r}, but link {link.name()!r} has no such geometry; {remedy}, or "
+            "give a shape or a mesh"
         )
     return pieces_in_link(inspector, geometries)

@@ -74,7 +74,7 @@ def _odd_joints(data: Data) -> Iterator[str]:
     reach = np.ptp(q, axis=0)
     whole = (q == np.round(q)).all(axis=0) & (reach > 50)
     if whole.any():
-        yield f"{listed(_named(names, whole))} in whole numbers, as encoder ticks are"
+        yield f"{listed(_named(names, whole))} hold whole numbers, as encoder ticks do"
     turned = np.zeros(len(names), dtype=bool) if recording.turn is None else recording.turn > 0
     if turned.any() and not any("within one turn" in note for note in recording.notes):
         yield (
@@ -84,7 +84,7 @@ def _odd_joints(data: Data) -> Iterator[str]:
     few = (reach > 0) & (rounded <= _FEW_POSITIONS)
     if few.any():
         yield (
-            f"{listed(_named(names, few))} in {rounded[few].max()} positions alone: were decimals "
+            f"{listed(_named(names, few))} take only {rounded[few].max()} positions: were decimals "
             "cut off?"
         )
     yield from _of_unit_length(q, names)
@@ -92,12 +92,12 @@ def _odd_joints(data: Data) -> Iterator[str]:
         found = _sudden(recording, joint)
         if found is not None:
             yield (
-                f"joint {name} is moved by {found[1]:.3g} from one row to the next, in row "
-                f"{found[0]:,}: was its zero set anew, or a part of the recording lost?"
+                f"joint {name} jumps by {found[1]:.3g} from one row to the next, in row "
+                f"{found[0]:,}: was its zero set anew, or part of the recording lost?"
             )
     places = [name for name in names if _PLACE.search(name)]
     if {name.lower()[-1] for name in places} == {*"xyz"}:
-        yield f"{listed(places)} are by their names places, not joints: choose the joints by --q"
+        yield f"{listed(places)} are places by their names, not joints: choose the joints by --q"
     degrees = ~whole & (reach > 4 * np.pi) & (np.abs(q).max(axis=0) <= 400)
     if degrees.any():
         yield (
@@ -192,7 +192,8 @@ def _odd_readings(data: Data) -> Iterator[str]:
     restless = (pressed > 0.1) & (pressed > 10 * typical)
     if restless.any():
         yield (
-            f"{listed(_named(recording.receptors, restless))} pressed ten times as often as others"
+            f"{listed(_named(recording.receptors, restless))} are pressed ten times as often as "
+            "the others"
         )
     same = (np.diff(readings, axis=0) == 0).all(axis=1) & (np.diff(recording.q, axis=0) == 0).all(
         axis=1

@@ -32,8 +32,8 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
         and f"left out: {len(felt.lost):,} rows: nearly all receptors are far from rest at once, "
         "as in a lost packet",
         data.loose
-        and f"set aside: {listed(data.loose)}: pressed far longer than others, whatever these "
-        "feel, as a loose contact",
+        and f"set aside: {listed(data.loose)}: pressed far longer than the others, whatever "
+        "these feel, as by a loose contact",
         baseline.smoothed and "spikes: each reading is the median of three in time",
         felt.num_lone
         and f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out",

@@ -87,7 +87,7 @@ def mood(life: Life) -> str:
         return "this is not what it expects"
     if life.noticed:
         return f"it found: {life.noticed[-1].change.in_words}"
-    return "it learns" if life.learner.knows else "it begins"
+    return "it is learning" if life.learner.knows else "it is beginning"
 
 
 class _Biography:

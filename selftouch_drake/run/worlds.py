@@ -137,7 +137,8 @@ def _opened(run: RunDirectory, reference: str) -> UserBody:
     """The body that a user names for a run."""
     if run.experiment.has_truth:
         raise RunError(
-            f"--body is {reference}, but {run.path} has a robot of Drake's: leave it out"
+            f"--body is {reference}, but {run.path} has a robot that Drake simulates: leave "
+            "--body out"
         )
     body, imported = open_reference(reference), run.experiment.imported
     joints, num_receptors = list(body.joint_names), run.num_receptors

@@ -11,9 +11,9 @@ from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot, run_bodies
 from selftouch_drake.show.meshcat.babbling import babbling_page
-from selftouch_drake.show.meshcat.live import LiveShow
+from selftouch_drake.show.meshcat.live import PLAY_FIT, LiveShow
+from selftouch_drake.show.meshcat.live_page import shown_page
 from selftouch_drake.show.meshcat.recording import recording_page
-from selftouch_drake.show.meshcat.stage import shown_page
 from selftouch_drake.show.page.figures import draw_figures
 from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import RunData
@@ -93,7 +93,7 @@ def play(
     data = RunData(run)
     pilot = pilot_in(run_bodies(run), agent, run.experiment)
     pilot.prepare_queries()
-    with shown_page(f"{run.experiment.name}, live", port, announce) as meshcat:
+    with shown_page(f"{run.experiment.name}, live", port, announce, **PLAY_FIT) as meshcat:
         show = LiveShow(meshcat, data, pilot, announce)
         while not show.ended:
             show.step()

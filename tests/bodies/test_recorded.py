@@ -78,7 +78,7 @@ def test_what_practice_met_makes_the_next_plans_better(run):
     before = metrics(run)
     added = done("learn", run, "--add").stdout
     num = ExperienceReader(run / "added").num_rows
-    assert f"added: {num:,} touches so far" in added
+    assert f"added so far: {num:,} touches" in added
     assert num > 2 * ExperienceReader(run / "experience").num_rows
     assert not list((run / "met").iterdir())
     done("evaluate", run, *BODY)
@@ -96,7 +96,7 @@ def test_its_life_goes_on_in_the_body_and_notices_what_changed(tmp_path, monkeyp
     alone = load_arrays(run / "life.npz")
     assert recorded - 500 < alone["block_touches"][-1] <= recorded
     found = done("live", run, "--body", f"{LIVES}:Wounded", "--touches", 2000)
-    assert "the page needs a robot of Drake's" in found.stderr
+    assert "no page: it needs a robot that Drake simulates" in found.stderr
     life = load_arrays(run / "life.npz")
     assert life["block_touches"][-1] > recorded + 1500
     assert (life["noticed"] > recorded).all()
@@ -130,4 +130,4 @@ def test_a_body_that_feels_nothing_where_the_run_did_is_said(run):
 def test_a_robot_of_drakes_has_its_body(tmp_path):
     done = selftouch("live", "sphere", "--out", tmp_path / "run", *BODY)
     assert done.status == 2
-    assert f"selftouch: --body is {BODY[1]}, but {tmp_path / 'run'} has a robot of" in done.stderr
+    assert f"selftouch: --body is {BODY[1]}, but {tmp_path / 'run'} has a robot that" in done.stderr

@@ -50,7 +50,7 @@ def test_an_experiment_names_the_body(tmp_path):
     [
         (f"{TOYS}:Falt", f"{TOYS} has no class 'Falt'; did you mean Flat?"),
         ("nowhere.py:Mine", "'nowhere.py' does not exist; give the path of a Python file"),
-        ("cube", "cube has a robot of Drake's: see `selftouch robot cube`"),
+        ("cube", "cube has a robot that Drake simulates: check it with `selftouch robot cube`"),
     ],
 )
 def test_what_is_no_body_is_one_line(argument, line):

@@ -39,6 +39,6 @@ def test_a_graph_in_parts_is_named_in_one_line(capfd):
     with pytest.warns(UserWarning, match="of another package"):
         assert exit_status(learn_two_parts) == 0
     assert capfd.readouterr().err == (
-        "selftouch: warning: the quotient graph fell into 2 components, of 2, 1 kernels, joined by "
-        "bridges 1-2: babble longer, or give fewer targets\n"
+        "selftouch: warning: the quotient graph fell into 2 components, with 2, 1 kernels, and was "
+        "joined by the bridges 1-2: babble longer, or give fewer targets\n"
     )

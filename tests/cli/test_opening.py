@@ -21,6 +21,23 @@ def test_unknown_experiment_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_run_is_no_experiment(finished_run):
+    assert refused("run", finished_run) == (
+        f"experiment '{finished_run}' is a run: `selftouch learn {finished_run}` and `selftouch "
+        f"report {finished_run}` take it; to go on with its babbling, give "
+        f"{finished_run / 'experiment.yaml'} --out {finished_run}"
+    )
+
+
+def test_a_model_of_a_robot_is_no_experiment(tmp_path):
+    model = tmp_path / "arm.urdf"
+    model.write_text('<robot name="arm">\n\t<link name="base"/>\n</robot>\n')
+    assert refused("robot", model) == (
+        f"experiment '{model}' is the model of a robot; write an experiment whose robot.directives "
+        "add it: `selftouch experiments --show cube` prints one"
+    )
+
+
 def test_folder_that_is_not_a_run_is_refused(tmp_path):
     for verb in ("learn", "evaluate", "report"):
         assert refused(verb, tmp_path) == (

@@ -231,7 +231,7 @@ def test_incomplete_rows_are_left_out_and_counted(tmp_path):
             {"angles": Q, "touch": READINGS},
             {},
             "a.npz has no column with a usual name for --q; it has angles, touch: "
-            "name the column, as in --q 'q' or --q 'joint*'",
+            "give those that hold joints, by name or by a pattern such as --q 'joint*'",
         ),
         (
             {"q": Q, "touch": READINGS},

@@ -61,8 +61,8 @@ def test_parts_are_joined_by_the_shortest_bridges():
         joined = connected_edges(edges, line(0.0, 1.0, 3.0, 4.0, 9.0))
     assert joined.tolist() == [[0, 1], [1, 2], [2, 3], [3, 4]]
     assert str(caught[0].message) == (
-        "the quotient graph fell into 3 components, of 2, 2, 1 kernels, joined by bridges "
-        "1-2, 3-4: babble longer, or give fewer targets"
+        "the quotient graph fell into 3 components, with 2, 2, 1 kernels, and was joined by the "
+        "bridges 1-2, 3-4: babble longer, or give fewer targets"
     )
 
 

@@ -222,6 +222,11 @@ def test_prefix_in_a_root_is_python_s(mine, monkeypatch):
             ADD_BOX.replace("mine", "zzz"),
             "there is no package 'zzz' in robot.packages: known are selftouch_drake, mine, drake",
         ),
+        (
+            "robot.dmd.yaml",
+            ADD_BOX.replace("mine", "zzz"),
+            "; give its folder, as in packages: {{zzz: FOLDER}}",
+        ),
         ("robot.dmd.yaml", ADD_BOX.replace("package", "http"), "give a path, or package://"),
         (
             "robot.dmd.yaml",
@@ -270,3 +275,24 @@ def test_invalid_package_roots_are_refused(packages, error):
     with pytest.raises(ExperimentError) as caught:
         load_model("package://selftouch_drake/one_finger.dmd.yaml", packages)
     assert error in str(caught.value)
+
+
+def test_a_model_is_no_directives(mine):
+    (mine / "robot.dmd.yaml").unlink()
+    with pytest.raises(ExperimentError) as caught:
+        load_model(str(mine / "box.urdf"), {"mine": str(mine)})
+    assert str(caught.value) == (
+        f"directives {mine / 'box.urdf'} are the model of a robot; write directives (.dmd.yaml) "
+        "that add it, as in directives: [{add_model: {name: robot, file: box.urdf}}], and weld "
+        "what floats freely (add_weld)"
+    )
+
+
+def test_a_package_beside_the_model_is_named(mine):
+    """As in PyBullet's Franka, whose meshes are in `package://meshes`."""
+    (mine / "box.urdf").write_text(URDF.format(mesh="package://meshes/box.stl"))
+    with pytest.raises(ExperimentError) as caught:
+        load_model(str(mine / "robot.dmd.yaml"), {"mine": str(mine)})
+    remedy = f"give its folder, as in packages: {{meshes: {mine / 'meshes'}}}"
+    assert str(caught.value).endswith(remedy)
+    load_model(str(mine / "robot.dmd.yaml"), {"mine": str(mine), "meshes": str(mine / "meshes")})

@@ -82,6 +82,7 @@ def test_what_was_found_is_reported(data, tmp_path, capfd):
     assert f"rows: {NUM_ROWS:,}, of which 1 are incomplete and " in out
     assert "joints: 7 (joint_0, joint_1, joint_2, joint_3, joint_4, joint_5, joint_6)" in out
     assert "readings rise with pressure" in out
+    assert out.endswith(f"run: {tmp_path / 'run'}\nnext: selftouch learn {tmp_path / 'run'}\n")
     assert "spikes: each reading is the median of three in time" in out
     assert "receptors that never read anything: 1 (taxels[7])" in out
     metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())

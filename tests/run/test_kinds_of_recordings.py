@@ -534,7 +534,7 @@ def test_a_loose_contact_is_named_and_set_aside(rest, good, tmp_path):
     readings[:, 5] = np.where(on, 200.0, rest) + rng.normal(0, 0.5, NUM_ROWS)
     data = found_in(tmp_path / "b.npz", good.q, readings)
     assert data.loose == ["touch[5]"]
-    assert "set aside: 1 (touch[5]): pressed far longer than others" in said(data)
+    assert "set aside: 1 (touch[5]): pressed far longer than the others" in said(data)
     assert abs(len(data.felt.rows) - len(clean.felt.rows)) < 0.03 * len(clean.felt.rows)
     # What is felt later by a body leaves it out as well.
     assert not data.felt.baseline.sensation(readings)[:, 5].any()

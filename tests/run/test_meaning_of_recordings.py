@@ -295,7 +295,7 @@ def a_unit_that_nobody_states(rng, good):
 def a_zero_that_is_set_anew(rng, good):
     q, joint = good.q.copy(), int(rng.integers(0, 3))
     q[int(rng.integers(100, 700)) :, joint] += 1.0
-    return good.table(q=q), f"joint q_{joint} is moved by .* was its zero set anew"
+    return good.table(q=q), f"joint q_{joint} jumps by .* was its zero set anew"
 
 
 def a_quaternion_among_the_joints(rng, good):
@@ -354,7 +354,7 @@ def one_joint_in_degrees(rng, good):
 
 
 def joints_without_decimals(rng, good):
-    return good.table(q=good.q.round()), "positions alone: were decimals cut off"
+    return good.table(q=good.q.round()), "positions: were decimals cut off"
 
 
 def a_joint_twice(rng, good):
@@ -430,7 +430,7 @@ def another_number_of_rows(rng, good):
 def a_pose_for_joints(rng, good):
     table = good.table().rename(columns={"q_0": "x", "q_1": "y", "q_2": "z", "q_3": "grip"})
     table.attrs["options"] = {"q": "x,y,z,grip"}
-    return table, r"3 \(x, y, z\) are by their names places"
+    return table, r"3 \(x, y, z\) are places by their names"
 
 
 def commands_for_joints(rng, good):

@@ -139,8 +139,8 @@ def test_the_small_robot_is_right(babble, tmp_path):
         ),
         (
             "{skins: {torso: {surface: visual}}}",
-            "skins.torso.surface is 'visual', but link 'torso' has no such geometry; add some "
-            "in its model, or give a shape or a mesh",
+            "skins.torso.surface is 'visual', but link 'torso' has no such geometry; take "
+            "'collision', or give a shape or a mesh",
         ),
         (
             "{skins: {torso: {surface: {mesh: open.obj}}}}",

@@ -10,12 +10,18 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from laid_out import execution_of, world_of
 from matplotlib.image import imread
 
+from selftouch_drake.show.meshcat.live import PLAY_FIT, LiveShow
+from selftouch_drake.show.meshcat.live_page import shown_page
+from selftouch_drake.show.meshcat.pages import LIFE_FIT, ROBOT_FIT, LifePage, RobotPage
 from selftouch_drake.show.page.figures import FIGURES
+from selftouch_drake.show.run_data import RunData
 
 pytestmark = pytest.mark.slow
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -142,7 +148,7 @@ def test_a_skin_that_moves_takes_its_receptors_along(chromium, two_skins, tmp_pa
 # bottom.
 BOXES = """() => {
   const boxes = {};
-  const path = ["skins", "drake", "touching", "expected", "recovered"];
+  const path = ["skins", "drake", "touching", "expected", "recovered", "known", "status"];
   const titles = Object.keys(viewer.scene_tree.find(["titles"]).children);
   for (const where of [...path.map(p => [p]), ...titles.map(t => ["titles", t])]) {
     const box = [Infinity, Infinity, -Infinity, -Infinity];
@@ -195,6 +201,68 @@ def test_a_recording_is_inside_the_screen_and_its_captions_free(
     # All that is shown stands about the middle.
     shown = np.array([*boxes.values(), *captions.values()])[:, [0, 2]]
     assert abs(shown.min() + shown.max() - width) < 0.15 * width
+
+
+def drawn_robot(run, meshcat):
+    RobotPage(meshcat, world_of("two_skins"))
+
+
+def drawn_life(run, meshcat):
+    page = LifePage(meshcat)
+    page.enter(world_of("two_skins"))
+    done = execution_of("two_skins")
+    life = SimpleNamespace(
+        num_touches=1234, has_doubts=False, noticed=[], learner=SimpleNamespace(knows=False)
+    )
+    page.lived(done.q_measured[:1], done.felt[:1], life)
+
+
+def drawn_play(run, meshcat):
+    LiveShow(meshcat, RunData(run), SimpleNamespace())
+
+
+# For each live page: what draws it, and how it fits.
+LIVE_PAGES = {
+    "robot": (drawn_robot, ROBOT_FIT, {"status"}),
+    "life": (drawn_life, LIFE_FIT, {"status"}),
+    "play": (drawn_play, PLAY_FIT, {"status", "titles/felt", "titles/expected"}),
+}
+
+
+@pytest.mark.parametrize("kind", LIVE_PAGES)
+def test_a_live_page_has_a_legend_and_is_inside_the_screen(chromium, two_skins, tmp_path, kind):
+    draw, fit, wanted = LIVE_PAGES[kind]
+    said = []
+    with shown_page(f"{kind} <live>", announce=said.append, **fit) as meshcat:
+        draw(two_skins, meshcat)
+        (url,) = re.findall(r"http://\S+", said[0])
+        with visited(chromium, url) as (page, errors):
+            for width in (420, 1200):
+                page.set_viewport_size({"width": width, "height": 800})
+                page.wait_for_function('viewer.scene_tree.find(["status", "<object>"]).object')
+                page.wait_for_timeout(1000)
+                boxes = page.evaluate(BOXES)
+                page.screenshot(path=tmp_path / f"{kind}_{width}.png")
+                assert page.title() == f"{kind} <live>"
+                assert page.get_by_text("The more a receptor feels").is_visible()
+                check_inside(boxes, width, wanted)
+        assert errors == []
+
+
+def check_inside(boxes, width, wanted):
+    """Everything is on a screen 800 pixels high, and captions cover nothing."""
+    captions = {n: boxes.pop(n) for n in list(boxes) if n.startswith(("titles/", "status"))}
+    assert wanted <= set(captions)
+    assert {"skins", "drake", "legend"} <= set(boxes)
+    for name, (left, top, right, bottom) in (boxes | captions).items():
+        assert -1 <= left < right <= width + 1, name
+        assert -1 <= top < bottom <= 801, name
+    for name, caption in captions.items():
+        covered = [
+            n for n, box in (boxes | captions).items() if n != name and overlap(caption, box)
+        ]
+        assert covered == [], name
+    assert not any(overlap(boxes["legend"], box) for n, box in boxes.items() if n != "legend")
 
 
 @pytest.mark.parametrize("width", [420, 1200])

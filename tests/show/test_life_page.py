@@ -32,7 +32,7 @@ def test_who_babbles_under_dynamics_is_simulated(mode, kind):
     page, done = entered(mode), execution_of("two_skins")
     assert type(page.robot) is kind
     page.lived(done.q_measured[:4], done.felt[:4], LIFE)
-    assert page.robot.status == "1,234 touches: it begins"
+    assert page.robot.status == "1,234 touches: it is beginning"
     assert page._meshcat.HasPath("/skins/forearm")
     assert page._meshcat.HasPath("/drake")
 

@@ -8,7 +8,8 @@ from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experience.walk import CHOICE_S
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show.meshcat.recording import REPETITIONS, with_legend
+from selftouch_drake.show.meshcat.legend import with_legend
+from selftouch_drake.show.meshcat.recording import REPETITIONS
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, FeelingRobot, Stage, drawn_page
 from selftouch_drake.show.style import VERMILION
 from selftouch_drake.systems.simulation import Babbling

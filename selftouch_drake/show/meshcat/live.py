@@ -1,7 +1,8 @@
 """The live agent: in a browser, it plans and slides to any sensation that a user chooses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -16,6 +17,7 @@ from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import END, FRAME_S
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import touch_paths
+from selftouch_drake.show.style import BLUE, GREEN, ORANGE, VERMILION
 
 # Controls, as the browser labels them, beside the end button.
 TARGET, SPEED, TOUR = "target sensation", "speed", "tour on/off"
@@ -25,6 +27,20 @@ _REST_S = 1.0
 _NUM_STOPS = 24
 # Frames between two drawings of the trace.
 _TRACE_EVERY = 6
+
+
+#: What stands over the page, and how it fits, for `shown_page`.
+PLAY_FIT: Mapping[str, Any] = {
+    "text": "The agent touches itself. The more a receptor feels, the darker it is.",
+    "colors": (
+        (GREEN, "start"),
+        (BLUE, "plan and goal"),
+        (ORANGE, "path that it took"),
+        (VERMILION, "what touches; on the recovered body, where it feels itself"),
+    ),
+    "wide": 1.3,
+    "beside": True,
+}
 
 
 class LiveShow:
@@ -73,7 +89,7 @@ class LiveShow:
         meshcat.AddButton(END, "Escape")
         self._tour_clicks, self._rate = 0, 1.0
         self.simulation.set_rate(self._rate)
-        self._say("tour: Open Controls (upper right) to choose a sensation")
+        self._say("on tour; to choose a sensation,\nopen the controls (upper right)")
 
     @property
     def moving(self) -> bool:
@@ -160,7 +176,7 @@ class LiveShow:
         expected, meant = motion.predicted[rows], motion.touching[rows]
         touching = np.any(felt, axis=1)
         there = int(self._scene.nearest(felt[-1]))
-        end = "reached" if there == self.goal else f"came to {there}"
+        end = "reached" if there == self.goal else f"stopped at {there}"
         if not touching[-1]:
             end = "came off the skin"
         where = "" if meant.all() else " where touch was expected"
@@ -169,7 +185,7 @@ class LiveShow:
         both = touching & expected.any(axis=1)
         if both.any():
             likeness = 1.0 - cosine_distance(felt[both], expected[both]).mean()
-            text += f"\nlikeness to what it expected: cosine {likeness:.2f}"
+            text += f"\nsimilarity to what it expected: {likeness:.2f} (cosine)"
         self._say(text)
         self._motion = None
 

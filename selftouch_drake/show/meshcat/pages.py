@@ -1,8 +1,8 @@
 """Robots in a browser: one with a slider for each joint, and one that lives and learns."""
 
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -12,11 +12,12 @@ from selftouch_drake.bodies.drake import while_babbling
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
 from selftouch_drake.run.lifelong import Watcher, mood
+from selftouch_drake.show.meshcat.live_page import shown_page
 from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
-from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, Stage, shown_page
+from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, Stage
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of, typical_extent
-from selftouch_drake.show.style import VIEW
+from selftouch_drake.show.style import FIRM, RECOVERED, VERMILION, VIEW
 from selftouch_drake.systems.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -26,6 +27,19 @@ if TYPE_CHECKING:
 _FRAMES = 15
 # rad or m, step of a slider.
 _SLIDER_STEP = 0.001
+#: What stands over the page of a robot, and how it fits, for `shown_page`.
+ROBOT_FIT: Mapping[str, Any] = {
+    "text": "Open the controls (upper right) to move the joints. The more a receptor feels, the "
+    f"darker it is, up to {FIRM:g} N.",
+    "colors": ((VERMILION, "what touches"),),
+    "wide": 1.0,
+}
+#: Likewise, of a life.
+LIFE_FIT: Mapping[str, Any] = {
+    "text": "The agent learns from its first touch on. The more a receptor feels, the darker it "
+    "is.",
+    "colors": ((VERMILION, "what touches"), (RECOVERED, "the body that it knows so far")),
+}
 # Path of the body that the agent knows.
 _KNOWN = "/known"
 
@@ -56,13 +70,17 @@ class RobotPage(FeelingRobot):
         self.show(q, felt)
         status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
         if self._probe.impossible(q[None])[0]:
-            status = "rigid parts run into each other: no posture of this robot"
+            status = "rigid parts collide:\nthe robot cannot take this posture"
         self.say(status)
 
 
 def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:
     """Shows a robot in a browser, until its `end` button or Ctrl-C."""
-    with shown_page(world.experiment.name, announce=announce) as meshcat:
+    with shown_page(
+        world.experiment.name,
+        announce=announce,
+        **ROBOT_FIT,
+    ) as meshcat:
         page = RobotPage(meshcat, world)
         while not meshcat.GetButtonClicks(END):
             page.step()

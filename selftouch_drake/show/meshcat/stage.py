@@ -2,7 +2,7 @@
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import manifold3d
 import numpy as np
@@ -34,6 +34,8 @@ END = "end"
 APART = 1.55
 # Share of the places of moving skins that may overlap with the neighbours, on each side.
 _RARE = 0.03
+# Captions stand lower by at most this share of the size where corners or touchers reach down.
+_DEEPEST = 0.4
 # All that is drawn on a page.
 _ALL_PATHS = ("/drake", "/skins", "/touching", "/expected", "/recovered", "/titles", "/status")
 # Between lines of text, as a share of the size, and the line of the status.
@@ -83,28 +85,13 @@ def drawn_page() -> Iterator[Meshcat]:
             meshcat.Delete(path)
 
 
-@contextlib.contextmanager
-def shown_page(
-    name: str, port: int | None = None, announce: Callable[[str], None] = print
-) -> Iterator[Meshcat]:
-    """Opens a Meshcat for what goes on inside, until its end or Ctrl-C.
-
-    `announce` is called with where to look, and at the end; port and errors as in `open_meshcat`.
-    """
-    meshcat = open_meshcat(port)
-    announce(f"{name} at {meshcat.web_url()} (Ctrl-C to end)")
-    with contextlib.suppress(KeyboardInterrupt):
-        yield meshcat
-    announce("ended")
-
-
 class Stage:
     """The background, the camera and the text of a page that shows a robot.
 
     Args:
         postures: `(n, J)` for which there is to be room; by default `home`.
-        beside_panel: whether the robot stands left of the middle of the page, so that Meshcat's
-            controls do not cover its neighbours on a page that is at least 4:3.
+        beside_panel: whether the camera is farther away, so that there is room for Meshcat's
+            controls; the page moves the scene aside.
 
     Attributes:
         home: `(J,)` rad or m, the posture that its model has by default.
@@ -150,6 +137,14 @@ class Stage:
         picture = VIEW.project(np.concatenate(places) - self._middle)
         (left, lowest, _), (right, _, _) = np.quantile(picture, [_RARE, 1 - _RARE], axis=0)
         self.size = max(float((high - low).max()), float(right - left) / APART)
+        # Captions stand below corners and what touches too, unless these reach far below the rest.
+        touching = VIEW.project(
+            self._robot.toucher_positions(postures).reshape(-1, 3) - self._middle
+        )
+        reached = picture[:, 1].min()
+        if len(touching):
+            reached = min(reached, np.quantile(touching[:, 1], _RARE))
+        lowest = max(float(reached), lowest - _DEEPEST * self.size)
         self._under = self._middle + (lowest - 0.25 * self.size) * VIEW.axes[1]
 
     def _set_stage(self, *, beside_panel: bool) -> None:
@@ -162,7 +157,6 @@ class Stage:
         distance = 0.35 + 1.7 * self.size
         if beside_panel:
             distance *= 1.25
-            centre = centre + 0.2 * distance * VIEW.axes[0]
         self._meshcat.SetCameraPose(centre + distance * VIEW.towards, centre)
 
 

@@ -119,6 +119,6 @@ def test_states_of_a_base_or_a_hand_are_seen(good, tmp_path):
     info = json.loads((tmp_path / "meta" / "info.json").read_text())
     info["features"]["observation.state"]["names"] = {"motors": ["x", "y", "z", "gripper"]}
     (tmp_path / "meta" / "info.json").write_text(json.dumps(info))
-    assert "odd: 3 (x, y, z) are by their names places, not joints" in said(
+    assert "odd: 3 (x, y, z) are places by their names, not joints" in said(
         require_same(good, tmp_path)
     )
