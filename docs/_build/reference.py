@@ -26,7 +26,7 @@ API = {
         ("quotient", "quotient.learn", "quotient.sensations", "quotient.kernels")
         + ("quotient.distances", "quotient.graph", "quotient.paths", "quotient.representation")
         + ("quotient.lengths", "quotient.layout", "quotient.holes", "quotient.dimension")
-        + ("quotient.surface", "quotient.body", "quotient.links", "quotient.firm")
+        + ("quotient.body", "quotient.links", "quotient.firm")
         + ("quotient.route", "quotient.waypoints", "quotient.smooth", "quotient.plan"),
     ),
     "agent": ("The naive agent", ("agent.agent", "agent.motions", "agent.tries")),
@@ -41,7 +41,8 @@ API = {
     ),
     "body_model": (
         "The body model",
-        ("agent.body_model.model", "agent.body_model.find", "agent.body_model.asking"),
+        ("agent.body_model.model", "agent.body_model.find", "agent.body_model.asking")
+        + ("agent.body_model.imagination", "agent.body_model.surface", "agent.body_model.own_parts"),
     ),
     "planning": (
         "How the agent plans",
