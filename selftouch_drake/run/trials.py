@@ -64,8 +64,8 @@ class FirstTry:
         unpractised_lifts_off: whether that plan goes through the air anywhere.
         num_slides: ways that practice found for steps of the plan.
         errors: `(n,)` cosine distances from predicted to felt, in their predicted scales.
-        impossible_planned: samples of the plan at which the body cannot be.
-        overlap_planned: `(T,)` bool, these samples; None if the body cannot be at rest everywhere.
+        overlap_planned: `(T,)` bool, samples of the plan at which the body cannot be; None if it
+            cannot be at rest everywhere.
         overlap_unpractised: `(T,)` bool, the same of the plan before practice; None likewise.
         truth: of the execution; None if nobody knows it.
     """
@@ -84,7 +84,6 @@ class FirstTry:
     unpractised_lifts_off: bool
     num_slides: int
     errors: np.ndarray
-    impossible_planned: int
     overlap_planned: np.ndarray | None
     overlap_unpractised: np.ndarray | None
     truth: ExecutedTruth | None
@@ -161,7 +160,6 @@ class FirstTries:
             unpractised_lifts_off=bool(unpractised.plan.in_air.any()),
             num_slides=len(planned_motion.agent.memory.slides.ends),
             errors=_prediction_errors(execution),
-            impossible_planned=0 if overlap is None else int(overlap.sum()),
             overlap_planned=overlap,
             overlap_unpractised=_overlap(blind_felt),
             truth=truth,
@@ -329,7 +327,11 @@ def _planning_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
         "planning_num_pairs": len(trials),
         **summarise([trial.planned for trial in trials], "planning"),
         "planning_num_slides": sum(trial.num_slides for trial in trials),
-        "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
+        "planning_impossible_postures": sum(
+            int(trial.overlap_planned.sum())
+            for trial in trials
+            if trial.overlap_planned is not None
+        ),
         "planning_own_parts_overlap_share": _overlap_share([t.overlap_planned for t in trials]),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
         **_summary("planning_path_over_shortest", [trial.over_shortest for trial in trials]),

@@ -107,22 +107,41 @@ def turns(q: np.ndarray, twists: np.ndarray, signs: np.ndarray | None = None) ->
     return turn
 
 
+@inner
+def _passed(q, twists, signs, point, points, known):
+    """Fills in where a point is after each joint of a chain, and the coefficients of the joints."""
+    length = len(twists)
+    for axis in range(3):
+        points[length, axis] = point[axis]
+    for joint in range(length - 1, -1, -1):
+        twist, t = twists[joint], signs[joint] * q[joint]
+        n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
+        a1, a2, b1, b2 = coefficients(n2, t)
+        known[joint, 0], known[joint, 1], known[joint, 2], known[joint, 3] = a1, a2, b1, b2
+        x, y, z = points[joint + 1, 0], points[joint + 1, 1], points[joint + 1, 2]
+        x, y, z = moved(twist, a1, a2, t, x, y, z)
+        points[joint, 0], points[joint, 1], points[joint, 2] = x, y, z
+
+
+@inner
+def _by_reading(twist, sign, at, g0, g1, g2):
+    """How fast a point at `at` moves along g by a joint's reading: with w x p + v."""
+    w0, w1, w2 = twist[0], twist[1], twist[2]
+    x0, x1, x2 = at[0], at[1], at[2]
+    return sign * (
+        g0 * (w1 * x2 - w2 * x1 + twist[3])
+        + g1 * (w2 * x0 - w0 * x2 + twist[4])
+        + g2 * (w0 * x1 - w1 * x0 + twist[5])
+    )
+
+
 @compiled
 def _derivatives(q, twists, signs, point, place, by_twist, by_point, by_q):
     length = len(twists)
     points = np.empty((length + 1, 3))
     known = np.empty((length, 4))
     for i in range(len(q)):
-        for axis in range(3):
-            points[length, axis] = point[i, axis]
-        for joint in range(length - 1, -1, -1):
-            twist, t = twists[joint], signs[joint] * q[i, joint]
-            n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
-            a1, a2, b1, b2 = coefficients(n2, t)
-            known[joint, 0], known[joint, 1], known[joint, 2], known[joint, 3] = a1, a2, b1, b2
-            x, y, z = points[joint + 1, 0], points[joint + 1, 1], points[joint + 1, 2]
-            x, y, z = moved(twist, a1, a2, t, x, y, z)
-            points[joint, 0], points[joint, 1], points[joint, 2] = x, y, z
+        _passed(q[i], twists, signs, point[i], points, known)
         place[i, 0], place[i, 1], place[i, 2] = points[0, 0], points[0, 1], points[0, 2]
         for axis in range(3):
             g0, g1, g2 = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
@@ -135,13 +154,7 @@ def _derivatives(q, twists, signs, point, place, by_twist, by_point, by_q):
                 u1 = w2 * x - w0 * z + twist[4]
                 u2 = w0 * y - w1 * x + twist[5]
                 c0, c1, c2 = w1 * u2 - w2 * u1, w2 * u0 - w0 * u2, w0 * u1 - w1 * u0
-                # By the reading: the point moves with w x p' + v.
-                x0, x1, x2 = points[joint, 0], points[joint, 1], points[joint, 2]
-                by_q[i, axis, joint] = signs[joint] * (
-                    g0 * (w1 * x2 - w2 * x1 + twist[3])
-                    + g1 * (w2 * x0 - w0 * x2 + twist[4])
-                    + g2 * (w0 * x1 - w1 * x0 + twist[5])
-                )
+                by_q[i, axis, joint] = _by_reading(twist, signs[joint], points[joint], g0, g1, g2)
                 # g x w, and h: the gradient with respect to v.
                 d0, d1, d2 = g1 * w2 - g2 * w1, g2 * w0 - g0 * w2, g0 * w1 - g1 * w0
                 h0 = t * g0 + a1 * d0 + a2 * (d1 * w2 - d2 * w1)
@@ -201,18 +214,9 @@ def derivatives(
 def _slopes(q, twists, signs, point, place, by_q, turn):
     length = len(twists)
     points = np.empty((length + 1, 3))
-    known = np.empty((length, 2))
+    known = np.empty((length, 4))
     for i in range(len(q)):
-        for axis in range(3):
-            points[length, axis] = point[i, axis]
-        for joint in range(length - 1, -1, -1):
-            twist, t = twists[joint], signs[joint] * q[i, joint]
-            n2 = twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]
-            a1, a2, _, _ = coefficients(n2, t)
-            known[joint, 0], known[joint, 1] = a1, a2
-            x, y, z = points[joint + 1, 0], points[joint + 1, 1], points[joint + 1, 2]
-            x, y, z = moved(twist, a1, a2, t, x, y, z)
-            points[joint, 0], points[joint, 1], points[joint, 2] = x, y, z
+        _passed(q[i], twists, signs, point[i], points, known)
         place[i, 0], place[i, 1], place[i, 2] = points[0, 0], points[0, 1], points[0, 2]
         for axis in range(3):
             g0, g1, g2 = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
@@ -220,13 +224,7 @@ def _slopes(q, twists, signs, point, place, by_q, turn):
                 twist, t = twists[joint], signs[joint] * q[i, joint]
                 w0, w1, w2 = twist[0], twist[1], twist[2]
                 a1, a2 = known[joint, 0], known[joint, 1]
-                # By the reading: the point moves with w x p' + v.
-                x0, x1, x2 = points[joint, 0], points[joint, 1], points[joint, 2]
-                by_q[i, axis, joint] = signs[joint] * (
-                    g0 * (w1 * x2 - w2 * x1 + twist[3])
-                    + g1 * (w2 * x0 - w0 * x2 + twist[4])
-                    + g2 * (w0 * x1 - w1 * x0 + twist[5])
-                )
+                by_q[i, axis, joint] = _by_reading(twist, signs[joint], points[joint], g0, g1, g2)
                 # g is carried to the next joint.
                 d0, d1, d2 = g1 * w2 - g2 * w1, g2 * w0 - g0 * w2, g0 * w1 - g1 * w0
                 h0 = t * g0 + a1 * d0 + a2 * (d1 * w2 - d2 * w1)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_array
 
+from selftouch_drake.agent.body_model.asking import kernel_of_rows
 from selftouch_drake.agent.body_model.lift import Lifter, SkinWay
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.own_parts import OwnParts
@@ -110,8 +111,7 @@ class Imagination:
         self.surfaces = touched_surfaces(model, representation)
         self.own_parts = OwnParts.of(model, representation, self.surfaces)
         self._knot_spacing = knot_spacing
-        sizes = np.diff(representation.kernel_offsets)
-        self._kernel = np.repeat(np.arange(representation.num_targets), sizes)
+        self._kernel = kernel_of_rows(representation)
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._roadmaps: dict[int, Roadmap] = {}
 

@@ -13,8 +13,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.body_model.asking import kernel_of_rows
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.reach import Reach
+from selftouch_drake.agent.body_model.scene import neighbour_distance
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 # Nodes of the surface are this share of the distance between neighbouring kernels apart.
@@ -119,9 +121,7 @@ def touched_surfaces(
     model: BodyModel, representation: QuotientRepresentation
 ) -> list[TouchedSurface]:
     """The surfaces of all parts of an accepted model, for each toucher that knows them."""
-    kernel = np.repeat(
-        np.arange(representation.num_targets), np.diff(representation.kernel_offsets)
-    )
+    kernel = kernel_of_rows(representation)
     found = []
     for part in np.flatnonzero(model.accepted_by_part).tolist():
         on_part = model.kernel_part[kernel] == part
@@ -149,7 +149,7 @@ def _surface(
     if len(known) < 3:
         return None
     kernel_place = model.kernel_place[known]
-    spacing = float(np.median(cKDTree(kernel_place).query(kernel_place, k=2)[0][:, 1]))
+    spacing = neighbour_distance(kernel_place)
     outward = model.kernel_normal[kernel]
     place = reach.places(representation.kernel_q[rows].astype(float), outward)[0]
     firm = _firm(representation.kernel_strength[rows], kernel)
