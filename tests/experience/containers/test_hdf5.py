@@ -107,7 +107,7 @@ def test_hdf5_that_cannot_be_used_is_refused(good, tmp_path, monkeypatch):
         for number in range(2):
             file[f"demo_{number}/touch"] = good.force
             file[f"demo_{number}/q"] = good.q[number:]
-    with pytest.raises(RecordingError, match=r"it has touch, episode_index \(not read: q\): name"):
+    with pytest.raises(RecordingError, match=r"it has touch, episode_index \(not read: q\): give"):
         read_recording(tmp_path / "d.h5")
     with h5py.File(tmp_path / "b.h5", "w") as file:
         file.create_group("df").attrs["pandas_type"] = "frame"
