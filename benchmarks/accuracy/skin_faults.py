@@ -106,6 +106,13 @@ def put_in(
     return sensation, place, at
 
 
+def spacing(place: np.ndarray) -> float:
+    """Median distance to the next receptor, of `(S, 3)` places."""
+    apart = np.linalg.norm(place[:, None] - place, axis=2)
+    np.fill_diagonal(apart, np.inf)
+    return float(np.median(apart.min(axis=1)))
+
+
 def named_right(kind: str, found: SkinFaults, at: dict[int, int]) -> bool:
     """Whether each faulty receptor has its verdict."""
     for receptor, where in at.items():
@@ -124,7 +131,7 @@ def one_recording(path: Path, args: argparse.Namespace, rows: dict[str, list]) -
     assert skin.place is not None, f"{path} has no places of receptors"
     model = accepted_model(run)
     for kind in args.kinds or KINDS:
-        for seed in range(args.seeds):
+        for seed in range(args.first, args.first + args.seeds):
             random = np.random.default_rng([seed, list(KINDS).index(kind)])
             worn, place, at = put_in(kind, sensation.astype(float), skin.place, random)
             felt = worn.any(axis=1)
@@ -136,8 +143,11 @@ def one_recording(path: Path, args: argparse.Namespace, rows: dict[str, list]) -
             right = named_right(kind, found, at)
             rows.setdefault(kind, []).append((right, len(blamed), len(names) - len(at)))
             if args.verbose and (blamed or not right):
+                off = np.linalg.norm(place - skin.place, axis=1).max() / spacing(skin.place)
                 said = [(n, str(found.fault[n]), found.evidence[n]) for n in [*at, *blamed]]
-                print(f"{path.name} {kind} seed {seed}: {at} right {right}, {said}")
+                print(
+                    f"{path.name} {kind} seed {seed}: {at} off by {off:.1f} right {right}, {said}"
+                )
 
 
 def two_recordings(path: Path, args: argparse.Namespace, rows: dict[str, list]) -> None:
@@ -148,7 +158,7 @@ def two_recordings(path: Path, args: argparse.Namespace, rows: dict[str, list]) 
     assert skin.place is not None, f"{path} has no places of receptors"
     before, after = np.array_split(sensation.astype(float), 2)
     for kind in args.kinds or CHANGES:
-        for seed in range(args.seeds):
+        for seed in range(args.first, args.first + args.seeds):
             random = np.random.default_rng([seed, list(CHANGES).index(kind), 2])
             worn, _, at = put_in(kind, after, skin.place, random)
             found = compare_skins(before, worn[worn.any(axis=1)], names)
@@ -170,6 +180,7 @@ def main() -> None:
     )
     parser.add_argument("runs", nargs="+", type=Path)
     parser.add_argument("--seeds", type=int, default=20, help="of each kind and run")
+    parser.add_argument("--first", type=int, default=0, help="seed")
     parser.add_argument("--touches", type=int, default=3000, help="of a recording")
     parser.add_argument("--kinds", nargs="+", choices=sorted({*KINDS, *CHANGES}))
     parser.add_argument("--drift", action="store_true", help="between two recordings")

@@ -26,7 +26,7 @@ _ROWS = 20
 # A body is asked for again when there are so many times as many touches, and at most this often.
 _GROWN, _AT_LEAST = 1.25, 25
 # Touches of a target sensation in the run that is learned, and bounds of their number.
-_PER_TARGET, _TARGETS = 4, (20, 150)
+_PER_TARGET, _TARGETS = 4, (50, 150)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,7 +29,7 @@ def recording(seed, change=lambda force: force):
 
 def imported(folder, name, arrays):
     np.savez(folder / f"{name}.npz", **arrays)
-    small = ("--set", "{representation: {num_targets: 30}}", "--out", folder / name)
+    small = ("--set", "{representation: {num_targets: 50}}", "--out", folder / name)
     done = selftouch("import", folder / f"{name}.npz", "--offset", 0, "--threshold", 0.01, *small)
     assert done.status == 0, done.stderr
     return folder / name

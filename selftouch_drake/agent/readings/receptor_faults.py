@@ -159,7 +159,8 @@ def find_faults(
         moves: dict[int, int] = {}
         if neighbours is not None:
             found = _dead(counted, weight, on_place) | found
-            moved, moves = _misplaced(likeness, counted, names)
+            beside = _likeness(share, (weight + np.eye(number)) * healthy)
+            moved, moves = _misplaced(likeness, beside, counted, names)
             found = moved | found
         found = _unsteady(counted) | _dead_since(counted, len(sensation)) | found
         before, healthy = healthy, ~np.isin(np.arange(number), list(found))
@@ -356,15 +357,26 @@ def _dead_since(counted: _Counted, num_touches: int) -> _Found:
 
 
 def _misplaced(
-    likeness: np.ndarray, counted: _Counted, names: Sequence[str]
+    likeness: np.ndarray, beside: np.ndarray, counted: _Counted, names: Sequence[str]
 ) -> tuple[_Found, dict[int, int]]:
-    """Receptors that read what is due at the place of another, and which one that is."""
+    """Receptors that read what is due at the place of another, and which one that is.
+
+    Args:
+        likeness: `(S, S)` with what is due at each place.
+        beside: `(S, S)` with that and what the receptor there reads itself, if it is another one.
+        counted: what was felt.
+        names: S.
+    """
     own = np.diag(likeness)
     usual = float(np.median(own[counted.felt >= _FELT])) if (counted.felt >= _FELT).any() else 1.0
     best = likeness.argmax(axis=1)
     most = likeness.max(axis=1)
-    better = (most - own > _BETTER) | ((most > _SLIGHTLY * own) & (own < _UNLIKE * usual))
-    moved = better & (most >= _AS_USUAL * usual) & (counted.felt >= _FELT)
+    far = (most - own > _BETTER) & (most >= _AS_USUAL * usual)
+    # Between the places of others, it reads what these do.
+    between = (own < _UNLIKE * usual) & (beside.max(axis=1) > _SLIGHTLY * own)
+    between &= beside.max(axis=1) >= _AS_USUAL * usual
+    best = np.where(between & ~far, beside.argmax(axis=1), best)
+    moved = (far | between) & (counted.felt >= _FELT)
     at = dict(zip(np.flatnonzero(moved).tolist(), best[moved].tolist(), strict=True))
     # Receptors that change places explain each other, also those that moved little.
     rows = np.union1d(np.flatnonzero(moved), best[moved])
@@ -373,6 +385,7 @@ def _misplaced(
         least = most[row] - _BETTER if moved[row] else own[row]
         if row != place and likeness[row, place] > least:
             at[row] = place
+    there = np.where(between[:, None], beside, likeness)
     found: _Found = {}
     ringed = {receptor for ring in rings(at) for receptor in ring}
     for receptor, place in at.items():
@@ -380,7 +393,7 @@ def _misplaced(
         where = "reads" if receptor in ringed else "reads about"
         found[receptor] = (
             fault,
-            f"{where} what {names[place]} should: likeness {likeness[receptor, place]:.2f} there, "
+            f"{where} what {names[place]} should: likeness {there[receptor, place]:.2f} there, "
             f"{own[receptor]:.2f} at its own place",
         )
     return found, at
