@@ -86,7 +86,7 @@ def teach(
             opened.stream,
             lambda look: _say(look, page, name),
             patience_s=float("inf") if patience_s is None else patience_s,
-            every_s=3.0,
+            every_s=2.0 if opened.waits else 0.0,
         )
     if last is None:
         raise click.UsageError(
@@ -113,6 +113,7 @@ class _Opened(NamedTuple):
     stream: "Callable[[bytes], Stream]"
     limits: "np.ndarray | None"
     closing: AbstractContextManager
+    waits: bool = False
 
 
 def _open(source: str, given: dict[str, Any]) -> _Opened:
@@ -137,7 +138,7 @@ def _open(source: str, given: dict[str, Any]) -> _Opened:
             raise click.UsageError(
                 f"SOURCE is {source!r}; give a .csv that grows, or a class as my_robot.py:MyRobot"
             )
-        return _Opened(given, lambda stored: GrowingFile(path, stored), None, nullcontext())
+        return _Opened(given, lambda stored: GrowingFile(path, stored), None, nullcontext(), True)
     for option in ("q", "sensation", "time"):
         if option in given:
             raise click.UsageError(f"--{option} is given, but {source} is no CSV; leave it out")

@@ -23,6 +23,8 @@ from selftouch_drake.run.streams import Stream, cell
 
 # Fewer lines are no recording yet.
 _ROWS = 20
+# Seconds after which a stream without new lines is asked again.
+_PAUSE_S = 0.5
 # A body is asked for again when there are so many times as many touches, and at most this often.
 _GROWN, _AT_LEAST = 1.25, 25
 # Touches of a target sensation in the run that is learned, and bounds of their number.
@@ -123,8 +125,8 @@ def teach(
             if lines:
                 lesson.keep(lines)
                 unseen, waited = True, 0.0
-            began = time.monotonic()
-            if unseen and (lines is None or began >= next_look):
+            began, ends = time.monotonic(), lines is None or waited > patience_s
+            if unseen and (ends or began >= next_look):
                 look, unseen = memory.look(lesson), False
                 # Of a long recording a look takes longer: half of the time is for new readings.
                 next_look = began + max(every_s, 2 * (time.monotonic() - began))
@@ -132,12 +134,11 @@ def teach(
                     say(look)
                     if look.known.is_enough or look.known.num_touches >= lesson.most:
                         return look
-            if lines is None or waited > patience_s:
+            if ends:
                 return look
             if not lines:
-                pause = min(every_s, 0.5)
-                sleep(pause)
-                waited += pause
+                sleep(_PAUSE_S)
+                waited += _PAUSE_S
 
 
 class _Memory:

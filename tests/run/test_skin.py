@@ -115,9 +115,7 @@ def test_mistakes_are_refused_in_one_line(runs, tmp_path):
     assert refused(*with_file, "0,1,2") == (
         "--receptors has 3 numbers; give the first and the last, as in 0,99"
     )
-    assert refused(*with_file, "0,40") == (
-        "--receptors is 0,40; give two numbers from 0 to 39"
-    )
+    assert refused(*with_file, "0,40") == ("--receptors is 0,40; give two numbers from 0 to 39")
     assert "has 40 receptors, the skin 20; give a row for each" in refused(*with_file, "0,19")
     arrays = recording(3)
     arrays["sensation"] = arrays["sensation"][:, :-1]

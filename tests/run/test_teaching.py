@@ -18,16 +18,18 @@ from selftouch_drake.run.streams import Callback, GrowingFile, MovingBody, Strea
 from selftouch_drake.run.teaching import Lesson, columns_of, teach
 
 HERE = Path(__file__).parent
-NAMES = ("turn", "lift", "roll", "bend")
-#: Hinges at a shoulder beside a ball of skin, and an elbow; where the fingertip is at 0.
+NAMES = ("turn", "lift", "roll", "bend", "twist", "nod")
+#: Three hinges at a shoulder beside a ball of skin, an elbow, and two at a wrist.
 TWISTS = [
-    twist([0, 0, 1], [0.0, -2.0, 0.0]),
-    twist([1, 0, 0], [0.0, -2.0, 0.0]),
-    twist([0, 1, 0], [0.0, -2.0, 0.0]),
-    twist([1, 0, 0], [0.0, -0.8, 0.2]),
+    twist([0, 0, 1], [0.0, -1.6, 0.0]),
+    twist([1, 0, 0], [0.0, -1.6, 0.0]),
+    twist([0, 1, 0], [0.0, -1.6, 0.0]),
+    twist([1, 0, 0], [0.0, -0.6, 0.0]),
+    twist([0, 1, 0], [0.0, 0.2, 0.0]),
+    twist([1, 0, 0], [0.0, 0.2, 0.0]),
 ]
-TIP = np.array([0.0, 0.3, 0.2, 1.0])
-LIMITS = np.array([[-1.2, -1.0, -1.5, -1.5], [1.2, 1.0, 1.5, 1.5]])
+TIP = np.array([0.0, 0.6, 0.0, 1.0])
+LIMITS = np.array([[-2.0, -1.5, -3.0, -2.5, -3.0, -2.0], [2.0, 1.5, 3.0, 2.5, 3.0, 2.0]])
 PLACE, _ = sphere_points(40, radius=0.7)
 
 
@@ -43,9 +45,9 @@ def feel(q):
     """`(n, 40)` what the ball of skin feels."""
     at = tip(q)
     away = np.linalg.norm(at, axis=1, keepdims=True)
-    pressed = np.maximum(0.0, 0.75 - away) * (away > 0.55)
+    pressed = np.maximum(0.0, 0.72 - away) * (away > 0.68)
     on_skin = 0.7 * at / np.maximum(away, 1e-9)
-    return 20 * pressed * np.maximum(0.0, 1 - cdist(on_skin, PLACE) / 0.5)
+    return 50 * pressed * np.maximum(0.0, 1 - cdist(on_skin, PLACE) / 0.5)
 
 
 class Person:
@@ -58,7 +60,7 @@ class Person:
 
     def read(self, steps):
         self.heard += steps
-        q = self._random.uniform(*LIMITS, (20 * self._batch, 4))
+        q = self._random.uniform(*LIMITS, (200 * self._batch, len(NAMES)))
         force = feel(q)
         wanted = [receptor for step in steps for receptor in step.receptors]
         here = np.flatnonzero(force.any(axis=1))
@@ -69,7 +71,7 @@ class Person:
 
 
 def csv_text(number, start=0):
-    q = np.random.default_rng(1).uniform(*LIMITS, (start + number, 4))[start:]
+    q = np.random.default_rng(1).uniform(*LIMITS, (start + number, len(NAMES)))[start:]
     callback = Callback(lambda steps: (q, feel(q)), NAMES, has_header=start > 0)
     return callback.lines([])
 
@@ -105,7 +107,7 @@ def test_a_lesson_that_is_stopped_in_a_line_goes_on_with_whole_ones(tmp_path):
 
 
 def test_a_stream_that_stops_lags_and_jumps_is_the_same_as_one_that_does_not(tmp_path):
-    log, whole = tmp_path / "log.csv", csv_text(150)
+    log, whole = tmp_path / "log.csv", csv_text(500)
     pieces = [whole[:7000], b"", whole[7000:7001], whole[7001:]]
     with log.open("wb") as file:
         waits = iter(pieces)
@@ -136,9 +138,9 @@ def test_a_stream_that_stops_lags_and_jumps_is_the_same_as_one_that_does_not(tmp
 
 def test_a_stopped_lesson_resumes(tmp_path):
     lesson = Lesson(folder=tmp_path, how=columns_of(NAMES), limits=LIMITS)
-    person = Person(batch=20)
+    person, calls = Person(batch=20), itertools.count()
 
-    def read_twice(steps, calls=itertools.count()):
+    def read_twice(steps):
         if next(calls) == 2:
             raise KeyboardInterrupt
         return person.read(steps)
@@ -170,10 +172,10 @@ def test_two_lessons_do_not_share_a_folder(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "rows", [(np.zeros((2, 3)), np.zeros((2, 8))), (np.zeros((2, 4)), np.zeros((3, 8)))]
+    "rows", [(np.zeros((2, 3)), np.zeros((2, 8))), (np.zeros((2, 6)), np.zeros((3, 8)))]
 )
 def test_a_callback_with_wrong_shapes_is_refused(rows):
-    with pytest.raises(StreamError, match=r"return \(n, 4\) and \(n, receptors\)"):
+    with pytest.raises(StreamError, match=r"return \(n, 6\) and \(n, receptors\)"):
         Callback(lambda steps: rows, NAMES).lines([])
 
 
@@ -183,7 +185,7 @@ def test_rows_with_gaps_are_left_out_and_names_keep_their_cells():
     assert text == b"left_arm,b,taxel_0,taxel_1,taxel_2,taxel_3\n1,2,1,1,1,1\n"
 
 
-BODY = '''
+BODY = """
 import numpy as np
 from selftouch_drake.agent.body import Felt, Followed
 
@@ -198,7 +200,7 @@ class Mine:
 
     def follow(self, time_s, q):
         return Followed(time_s=time_s, q=q, sensation=np.tile(q, 2))
-'''
+"""
 
 
 @pytest.mark.parametrize("jumps", [True, False])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from made_up import sphere_points
 from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
 
 from benchmarks.accuracy.skin_faults import CHANGES, put_in
 from selftouch_drake.agent.readings.skin_drift import compare_skins, field_centres, skin_move
@@ -56,7 +57,7 @@ def test_a_gain_comes_with_its_error(both):
 def test_a_skin_that_shifted_and_turned_is_measured():
     (first, before), (second, after) = touched(3000, 0), touched(3000, 1)
     angle, shift = 0.1, np.array([0.05, 0.0, 0.1])
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    turn = Rotation.from_rotvec([0, 0, angle]).as_matrix()
     start = field_centres(first, before)
     extent = np.linalg.norm(np.ptp(start, axis=0))
     same = skin_move(start, field_centres(second, after))
