@@ -23,6 +23,8 @@ _PER_TARGET, _MOST_TARGETS = 3, 150
 _ALIKE, _PART, _PARTS_FROM = 0.2, 0.1, 800
 # A joint was seen if touches cover this share of its range.
 _SEEN = 0.4
+# Fewer touches make no representation, though a body may be known.
+_LEAST = 300
 # A receptor was felt by so many touches, and enough receptors are this share.
 _FELT, _ENOUGH_FELT = 3, 0.9
 # A joint is known if the standard error of its axis, in degrees, is below this.
@@ -84,6 +86,7 @@ class Known:
         """Whether the body is accepted, every joint known and nearly every receptor felt."""
         return (
             self.accepted
+            and self.num_touches >= _LEAST
             and self.share_felt >= _ENOUGH_FELT
             and all(joint.is_known for joint in self.joints)
         )

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from selftouch_drake.run.streams import Stream
     from selftouch_drake.run.teaching import Look
 
+# Seconds between looks at a file that grows.
+_EVERY_S = 2.0
+
 
 @click.command()
 @click.argument("source", metavar="SOURCE")
@@ -70,34 +73,32 @@ def teach(
     selftouch teach log.csv --q 'joint_*' --sensation 'taxel_*'
     selftouch teach my_robot.py:MyRobot --touches 600 --urdf mine.urdf
     """  # noqa: D301 - click keeps the lines after a \b as they are
-    from selftouch_drake.run.teaching import Lesson, take_home
-    from selftouch_drake.run.teaching import teach as lead
+    from selftouch_drake.run.teaching import Lesson, teach_and_learn
 
     given = {name: value for name, value in how.items() if value is not None}
     name = Path(source.rpartition(":")[2] if ".py:" in source else source).stem
     folder = out or Path("runs") / name
     opened = _open(source, given)
-    with opened.closing:
-        lesson = Lesson(folder=folder, how=opened.how, most=touches, limits=opened.limits)
-        page = folder / "lesson.html"
-        click.echo(f"readings: {lesson.readings}\npage: {page}")
-        last = lead(
+    lesson = Lesson(folder=folder, how=opened.how, most=touches, limits=opened.limits)
+    page = folder / "lesson.html"
+    click.echo(f"readings: {lesson.readings}\npage: {page}")
+    with opened.closing, progress_bar("learn") as progress:
+        last, run = teach_and_learn(
             lesson,
             opened.stream,
             lambda look: _say(look, page, name),
+            progress,
             patience_s=float("inf") if patience_s is None else patience_s,
-            every_s=2.0 if opened.waits else 0.0,
+            every_s=_EVERY_S if opened.grows else None,
         )
     if last is None:
         raise click.UsageError(
             f"{lesson.readings} holds no touch; touch the robot's skin, or give --threshold"
         )
-    if not last.known.accepted:
+    if run is None:
         click.echo(f"not enough: {last.known.reason}")
         click.echo("give the same command again to go on, with more --touches")
         return
-    with progress_bar("learn") as progress:
-        run = take_home(lesson, progress)
     if urdf is not None:
         from selftouch_drake.run.exported import Known, export_model
 
@@ -107,13 +108,13 @@ def teach(
 
 
 class _Opened(NamedTuple):
-    """A source that can be read: how, from what, within which limits, and until when."""
+    """A source: how it is read, what reads it, limits of joints, and whether it grows by itself."""
 
     how: dict[str, Any]
     stream: "Callable[[bytes], Stream]"
     limits: "np.ndarray | None"
     closing: AbstractContextManager
-    waits: bool = False
+    grows: bool = False
 
 
 def _open(source: str, given: dict[str, Any]) -> _Opened:

@@ -7,7 +7,7 @@ that was stopped goes on where its readings end.
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,21 @@ from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.lesson import Known, Step, ask, known, next_steps
 from selftouch_drake.experience.recording_error import RecordingError
 from selftouch_drake.files import locked
+from selftouch_drake.run.artifacts import load_body_model
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.imported import Data, imported_experiment, read_data, store
 from selftouch_drake.run.streams import Stream, cell
 
 # Fewer lines are no recording yet.
 _ROWS = 20
+# There is a look at a stream that waits when it has grown by this factor.
+_MORE = 1.1
 # Seconds after which a stream without new lines is asked again.
 _PAUSE_S = 0.5
 # A body is asked for again when there are so many times as many touches, and at most this often.
 _GROWN, _AT_LEAST = 1.25, 25
+# A lesson whose run has no body goes on to so many times as many touches.
+_MORE_TOUCHES = 1.5
 # Touches of a target sensation in the run that is learned, and bounds of their number.
 _PER_TARGET, _TARGETS = 4, (50, 150)
 
@@ -37,13 +42,11 @@ class Look:
 
     Attributes:
         known: what is known.
-        steps: what to do next.
-        waits: whether nothing new came since the last look.
+        steps: what to do next; none at the end.
     """
 
     known: Known
     steps: list[Step]
-    waits: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +57,7 @@ class Lesson:
         folder: of its files.
         how: how its readings are read, as of `read_data`.
         most: touches after which it ends, whatever is known.
+        fewest: touches before which it does not end, whatever is known.
         limits: `(2, J)` of the joints, if somebody knows.
         seed: of the search for a body.
     """
@@ -61,6 +65,7 @@ class Lesson:
     folder: Path
     how: Mapping[str, Any] = field(default_factory=dict)
     most: int = 1500
+    fewest: int = 0
     limits: np.ndarray | None = None
     seed: int = 0
 
@@ -93,7 +98,7 @@ def teach(
     open_stream: Callable[[bytes], Stream],
     say: Callable[[Look], None],
     *,
-    every_s: float = 5.0,
+    every_s: float | None = None,
     patience_s: float = np.inf,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Look | None:
@@ -103,7 +108,8 @@ def teach(
         lesson: in a folder, which may hold an earlier part of it.
         open_stream: makes the stream, from what was stored before.
         say: called with each look.
-        every_s: seconds between looks at readings.
+        every_s: seconds between looks at readings; None for a stream that waits until it is asked
+            again: then there is a look when there is a tenth more.
         patience_s: seconds without a new line after which the lesson ends.
         sleep: waits for seconds.
 
@@ -120,19 +126,21 @@ def teach(
         stored = lesson.stored()
         stream = open_stream(stored)
         memory, look, waited, unseen, next_look = _Memory(), None, 0.0, bool(stored), 0.0
+        num_bytes, seen_bytes = len(stored), 0
         while True:
             lines = stream.lines(look.steps if look is not None else [])
             if lines:
                 lesson.keep(lines)
-                unseen, waited = True, 0.0
+                unseen, waited, num_bytes = True, 0.0, num_bytes + len(lines)
             began, ends = time.monotonic(), lines is None or waited > patience_s
-            if unseen and (ends or began >= next_look):
-                look, unseen = memory.look(lesson), False
+            grown = num_bytes >= _MORE * seen_bytes if every_s is None else began >= next_look
+            if unseen and (ends or grown):
+                look, unseen, seen_bytes = memory.look(lesson), False, num_bytes
                 # Of a long recording a look takes longer: half of the time is for new readings.
-                next_look = began + max(every_s, 2 * (time.monotonic() - began))
+                next_look = began + max(every_s or 0.0, 2 * (time.monotonic() - began))
                 if look is not None:
                     say(look)
-                    if look.known.is_enough or look.known.num_touches >= lesson.most:
+                    if not look.steps or look.known.num_touches >= lesson.most:
                         return look
             if ends:
                 return look
@@ -167,7 +175,35 @@ class _Memory:
             every = data.recording.q.astype(float)
             reach = np.stack([every.min(axis=0), every.max(axis=0)])
         found = known(q, sensation, names, data.recording.receptors, reach, self._model)
-        return Look(known=found, steps=next_steps(found))
+        steps = next_steps(found)
+        if not steps and number < lesson.fewest:
+            steps = [Step(text=f"go on: {lesson.fewest} touches make a better run")]
+        return Look(known=found, steps=steps)
+
+
+def teach_and_learn(
+    lesson: Lesson,
+    open_stream: Callable[[bytes], Stream],
+    say: Callable[[Look], None],
+    progress: Callable[[float, str], None],
+    **timing: Any,
+) -> tuple[Look | None, RunDirectory | None]:
+    """Teaches, makes a run, and goes on if its body is rejected, as that of too few touches may be.
+
+    Arguments and errors are as of `teach` and `take_home`.
+
+    Returns:
+        The last look, if there was a touch; the run, if a body was accepted.
+    """
+    while True:
+        look = teach(lesson, open_stream, say, **timing)
+        if look is None or not look.known.accepted:
+            return look, None
+        run = take_home(lesson, progress)
+        # A lesson that has more to say ended because the stream did.
+        if load_body_model(run).accepted or look.steps or look.known.num_touches >= lesson.most:
+            return look, run
+        lesson = replace(lesson, fewest=int(_MORE_TOUCHES * look.known.num_touches))
 
 
 def columns_of(joint_names: Sequence[str]) -> dict[str, str]:

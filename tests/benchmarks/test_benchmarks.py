@@ -77,6 +77,7 @@ SMALL: dict[str, list[str]] = {
         "--targets=60",
         "--metrics=sensorimotor",
     ],
+    "accuracy/teaching": ["torus", "--seeds=1", "--touches=60"],
     "accuracy/trust": [
         "luck",
         "--out={tmp}",
