@@ -89,6 +89,7 @@ def skin(
         span = receptors[0], receptors[1]
     places = None if taxels is None else skins.Taxels(file=taxels, receptors=span)
     opened = RunDirectory.open(run)
+    columns: tuple[str, ...]
     if later is None:
         checked = skins.check_skins(opened, touches, places)
         rows, lines = skins.fault_rows(checked), skins.check_lines(checked)

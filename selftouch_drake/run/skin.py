@@ -158,11 +158,11 @@ def compare_runs(
         )
         move = None
         if places is not None:
-            centres = [
+            start, end = (
                 field_centres(place[own], some[own])
                 for place, some, own in zip(places, here, rows, strict=True)
-            ]
-            move = skin_move(*centres)
+            )
+            move = skin_move(start, end)
         found.append(ComparedSkin(skin=skin, drift=drift, move=move))
     if not found:
         raise RunError(
@@ -192,7 +192,7 @@ def skins_of(run: RunDirectory, names: Sequence[str], taxels: Taxels | None = No
                 f"{len(numbers)}; give a row for each in the order of the readings, or choose the "
                 "receptors of the file by --receptors"
             )
-        chosen = [names[number] for number in numbers]
+        chosen = list(names[first : last + 1])
         return [Skin(name="", receptors=numbers, names=chosen, place=table.p_LS)]
     if not run.skin.exists():
         everything = np.arange(len(names))
@@ -209,7 +209,7 @@ def skins_of(run: RunDirectory, names: Sequence[str], taxels: Taxels | None = No
                 Skin(
                     name=name if len(run.experiment.skins) > 1 else "",
                     receptors=receptors,
-                    names=[names[receptor] for receptor in receptors],
+                    names=[names[receptor] for receptor in receptors.tolist()],
                     place=place if fits else None,
                 )
             )

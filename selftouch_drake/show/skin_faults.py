@@ -104,7 +104,8 @@ def _flat(skin: Skin) -> np.ndarray | None:
 def _scatter(ax: Axes, at: np.ndarray, colors: Sequence[str], marked: np.ndarray) -> None:
     order = np.argsort(marked, kind="stable")  # what is marked lies on top
     ax.scatter(
-        *at[order].T,
+        at[order, 0],
+        at[order, 1],
         c=[colors[n] for n in order.tolist()],
         s=np.where(marked, 36, 14)[order],
         edgecolor=MUTED,

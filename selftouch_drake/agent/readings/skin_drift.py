@@ -15,7 +15,7 @@ from selftouch_drake.agent.readings.receptor_faults import (
 
 # A gain changed if it did so by this factor and by so many standard errors; receptors that felt
 # fewer touches have none.
-_FACTOR, _ERRORS, _LEAST = 1.3, 5.0, 20
+_FACTOR, _ERRORS, _LEAST = 1.3, 4.0, 20
 # One of so many receptors may change its gain, at most.
 _MOST_CHANGED = 5
 # Weight of the squares in the regression on shares of neighbours.
