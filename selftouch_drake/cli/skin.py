@@ -44,7 +44,7 @@ def skin(
     touches: int,
     out: Path | None,
 ) -> None:
-    """Find receptors that are dead, stuck, loose, exchanged or misplaced.
+    """Find dead, stuck, loose and misplaced receptors.
 
     RUN is a run directory with touches, simulated or imported; it need not have learned. With
     LATER, a second run of the same robot, only what changed between them is printed.

@@ -75,6 +75,8 @@ def teach(
     """  # noqa: D301 - click keeps the lines after a \b as they are
     from selftouch_drake.run.teaching import Lesson, teach_and_learn
 
+    if urdf is not None and urdf.suffix not in (".urdf", ".sdf", ".xml"):
+        raise click.UsageError(f"--urdf is {urdf}; end it in .urdf, .sdf or .xml")
     given = {name: value for name, value in how.items() if value is not None}
     name = Path(source.rpartition(":")[2] if ".py:" in source else source).stem
     folder = out or Path("runs") / name
@@ -82,6 +84,8 @@ def teach(
     lesson = Lesson(folder=folder, how=opened.how, most=touches, limits=opened.limits)
     page = folder / "lesson.html"
     click.echo(f"readings: {lesson.readings}\npage: {page}")
+    if opened.grows and not Path(source).exists():
+        click.echo(f"waiting for {source}, which is not there yet")
     with opened.closing, progress_bar("learn") as progress:
         last, run = teach_and_learn(
             lesson,

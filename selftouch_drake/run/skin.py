@@ -34,6 +34,10 @@ FAULT_COLUMNS = ("receptor", "verdict", "felt", "due", "evidence")
 CHANGE_COLUMNS = ("receptor", "change", "evidence")
 # Fewest touches and receptors of a skin that are judged.
 _LEAST_TOUCHES, _LEAST_RECEPTORS = 50, 4
+# m; places that differ by less are the same.
+_SAME_PLACE = 1e-6
+# If this share of the receptors changed, the runs are hardly of one robot.
+_TOO_MANY = 0.5
 # A raw reading that never moves is stuck if it rests so many times as far from the others' level
 # as these spread; else its receptor is dead.
 _APART = 10.0
@@ -143,9 +147,12 @@ def compare_runs(
             f"{first.path} has {len(names)} receptors and {q_first.shape[1]} joints, {second.path} "
             f"{len(other)} and {q_second.shape[1]}; give two runs of one robot"
         )
+    skins = skins_of(first, names, taxels)
+    if taxels is None:
+        _require_same_places(first, skins, second, skins_of(second, other))
     places = _places_by_joints(first, (q_first, before), (q_second, after))
     found = []
-    for skin in skins_of(first, names, taxels):
+    for skin in skins:
         here = [some[:, skin.receptors] for some in (before, after)]
         rows = [np.flatnonzero(some.any(axis=1)) for some in here]
         if min(map(len, rows)) < _LEAST_TOUCHES:
@@ -262,6 +269,8 @@ def drift_lines(found: Sequence[ComparedSkin]) -> list[str]:
         lines.append(
             f"skin: {len(one.drift.changes)} of {len(one.skin.names)} receptors{of} changed"
         )
+        if len(one.drift.changes) > _TOO_MANY * len(one.skin.names):
+            lines.append("are these two runs of one robot, with receptors in one order?")
         if one.move is None:
             lines.append(
                 "whether the skin moved as a whole, only an accepted body model of the first run "
@@ -323,6 +332,26 @@ def _touches(run: RunDirectory, most: int) -> tuple[np.ndarray, np.ndarray, list
             f"{_LEAST_TOUCHES} and {_LEAST_RECEPTORS} or more"
         )
     return q.astype(float), sensation.astype(float), names
+
+
+def _require_same_places(
+    first: RunDirectory, skins: Sequence[Skin], second: RunDirectory, others: Sequence[Skin]
+) -> None:
+    """Refuses runs whose robots have receptors at other places, as experiments of two seeds do.
+
+    Raises:
+        RunError: they have.
+    """
+    for one, other in zip(skins, others, strict=False):
+        if one.place is None or other.place is None:
+            continue
+        if one.place.shape != other.place.shape or not np.allclose(
+            one.place, other.place, atol=_SAME_PLACE
+        ):
+            raise RunError(
+                f"{first.path} and {second.path} have receptors at other places, as experiments of "
+                "two seeds do; give two runs of one robot"
+            )
 
 
 def accepted_model(run: RunDirectory) -> BodyModel | None:

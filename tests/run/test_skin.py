@@ -10,8 +10,16 @@ from made_up import sphere_points
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.readings.receptor_faults import Fault
-from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.skin import check_skins, compare_runs, drift_lines, skins_of
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.files import save_arrays
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.skin import (
+    _require_same_places,
+    check_skins,
+    compare_runs,
+    drift_lines,
+    skins_of,
+)
 
 NUMBER = 40
 PLACE, _ = sphere_points(NUMBER)
@@ -106,6 +114,15 @@ def test_a_loose_contact_that_the_import_set_aside_is_reported(tmp_path):
     assert checked.faults.fault[9] == Fault.FLICKERS
 
 
+def test_runs_of_other_robots_are_doubted(runs, tmp_path):
+    def shuffled(force):
+        return force[:, np.random.default_rng(0).permutation(NUMBER)]
+
+    other = imported(tmp_path, "other", recording(4, shuffled))
+    done = selftouch("skin", runs.well, other)
+    assert "are these two runs of one robot, with receptors in one order?" in done.stdout
+
+
 def test_mistakes_are_refused_in_one_line(runs, tmp_path):
     assert "is not a run: it has no experiment.yaml" in refused("skin", tmp_path)
     assert refused("skin", runs.bad, "--receptors", "0,3") == (
@@ -121,6 +138,20 @@ def test_mistakes_are_refused_in_one_line(runs, tmp_path):
     arrays["sensation"] = arrays["sensation"][:, :-1]
     other = imported(tmp_path, "other", arrays)
     assert "other 39 and 4; give two runs of one robot" in refused("skin", runs.bad, other)
+
+
+def test_experiments_of_two_seeds_are_two_robots(tmp_path):
+    """Their receptors lie elsewhere; no robot is built for this."""
+    found = []
+    for seed in range(2):
+        run = RunDirectory.create(tmp_path / str(seed), load_experiment("sphere", {"seed": seed}))
+        place = sphere_points(50, radius=1 + 0.1 * seed)[0]
+        save_arrays(run.skin, {"receptor_skin": np.zeros(50, int), "body_p_LS": place})
+        found.append((run, skins_of(run, [str(n) for n in range(50)])))
+    (first, skins), (second, others) = found
+    _require_same_places(first, skins, first, skins)
+    with pytest.raises(RunError, match="have receptors at other places, as experiments of two"):
+        _require_same_places(first, skins, second, others)
 
 
 def test_a_simulated_run_knows_its_places_and_whether_its_skin_moved(small_run):

@@ -216,9 +216,48 @@ def test_a_body_walks_within_its_limits_and_what_it_did_not_reach_is_left_out(tm
     assert q[:, 0].max() < 0.9
 
 
+def test_a_file_is_followed_by_the_command_and_resumed(tmp_path):
+    log, out = tmp_path / "log.csv", tmp_path / "lesson"
+    whole = csv_text()
+    log.write_bytes(whole[:-20])
+    words = ("teach", log, "--out", out, "--q", "turn..nod", "--sensation", "taxel_*", "--wait", 0)
+    done = selftouch(*words, "--time", "none")
+    assert done.status == 0, done.stderr
+    assert "not enough: too few touches to look for a body" in done.stdout
+    assert "give the same command again to go on" in done.stdout
+    kept = (out / "readings.csv").read_bytes()
+    assert kept == whole[: len(kept)]
+    assert kept.endswith(b"\n")
+    log.write_bytes(whole)
+    assert selftouch(*words, "--time", "none").status == 0
+    assert (out / "readings.csv").read_bytes() == whole
+    assert "<h2>Next</h2>" in (out / "lesson.html").read_text()
+
+
+def test_what_cannot_be_read_is_refused_and_stays_stored(tmp_path):
+    log, out = tmp_path / "log.csv", tmp_path / "lesson"
+    log.write_bytes(csv_text())
+    words = ("teach", log, "--out", out, "--wait", 0, "--sensation", "taxel_*", "--q", "arm_*")
+    done = selftouch(*words)
+    assert done.status == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "arm_*" in line
+    assert (out / "readings.csv").read_bytes() == log.read_bytes()
+
+
+def test_nothing_that_is_touched_is_a_mistake(tmp_path):
+    done = selftouch("teach", tmp_path / "log.csv", "--out", tmp_path / "lesson", "--wait", 0)
+    assert done.status == 2
+    assert "which is not there yet" in done.stdout
+    assert "holds no touch; touch the robot's skin, or give --threshold" in done.stderr
+
+
 def test_mistakes_are_refused_in_one_line(tmp_path):
     assert refused("teach", "robot.bag") == (
         "SOURCE is 'robot.bag'; give a .csv that grows, or a class as my_robot.py:MyRobot"
+    )
+    assert refused("teach", "log.csv", "--urdf", "a.stl") == (
+        "--urdf is a.stl; end it in .urdf, .sdf or .xml"
     )
     (tmp_path / "mine.py").write_text(BODY.format(jumps=True))
     assert "--q is given, but" in refused("teach", f"{tmp_path / 'mine.py'}:Mine", "--q", "a")
