@@ -114,6 +114,20 @@ def test_a_loose_contact_that_the_import_set_aside_is_reported(tmp_path):
     assert checked.faults.fault[9] == Fault.FLICKERS
 
 
+def test_raw_readings_that_stand_still_are_dead_or_stuck_by_where_they_rest(tmp_path):
+    arrays = recording(6)
+    noise = np.random.default_rng(6).normal(size=arrays["sensation"].shape)
+    raw = 20 + 100 * arrays["sensation"] + noise
+    raw[:, 5], raw[:, 11] = 20.0, 250.0
+    np.savez(tmp_path / "raw.npz", q=arrays["q"], sensation=raw)
+    small = ("--set", "{representation: {num_targets: 50}}", "--out", tmp_path / "raw")
+    assert selftouch("import", tmp_path / "raw.npz", *small).status == 0
+    (checked,) = check_skins(RunDirectory.open(tmp_path / "raw"), 1000)
+    faults = checked.faults
+    assert {n: str(faults.fault[n]) for n in faults.faulty.tolist()} == {5: "dead", 11: "stuck"}
+    assert faults.evidence[11] == "its raw reading stands still at 250"
+
+
 def test_runs_of_other_robots_are_doubted(runs, tmp_path):
     def shuffled(force):
         return force[:, np.random.default_rng(0).permutation(NUMBER)]

@@ -28,8 +28,8 @@ _NEAR = 0.7
 _CLASSES = np.array([0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
 _OF_CLASS = 10
 # Touches that must be due before a receptor is blamed for missing them, those that must be due for
-# sure if it never felt any, and those that it must have felt before it is said to be elsewhere.
-_EXPECTED, _SURE, _FELT = 10.0, 5, 8
+# sure if it never felt any, and those that it must have felt before it is unsteady, or moved.
+_EXPECTED, _SURE, _FELT, _MOVED = 10.0, 5, 8, 20
 # A stuck receptor reads values within this share of its median in so many of the touches.
 _SAME, _MOSTLY = 0.1, 0.8
 # Parts of equal numbers of touches in which it is looked whether a receptor still feels.
@@ -50,6 +50,10 @@ _BETTER, _AS_USUAL = 0.15, 0.5
 # cosine: a receptor that moved by one and a half spacings. On a cube and a torus no other place was
 # ever better than the own one, and 0.77 the least share.
 _SLIGHTLY, _UNLIKE = 1.15, 0.6
+# Whatever is better elsewhere: readings so much like those of the own place, as a share of the
+# usual cosine, are not moved. On the rim of what was touched, where a receptor is felt on one side
+# only, the share is smaller: receptors on an infant's torso that are well had 0.5.
+_OWN, _ON_RIM = 0.75, 0.3
 
 
 class Fault(StrEnum):
@@ -160,7 +164,8 @@ def find_faults(
         if neighbours is not None:
             found = _dead(counted, weight, on_place) | found
             beside = _likeness(share, (weight + np.eye(number)) * healthy)
-            moved, moves = _misplaced(likeness, beside, counted, names)
+            rim = (weight > 0) @ (counted.felt == 0)
+            moved, moves = _misplaced(likeness, beside, counted, rim, names)
             found = moved | found
         found = _unsteady(counted) | _dead_since(counted, len(sensation)) | found
         before, healthy = healthy, ~np.isin(np.arange(number), list(found))
@@ -358,7 +363,11 @@ def _dead_since(counted: _Counted, num_touches: int) -> _Found:
 
 
 def _misplaced(
-    likeness: np.ndarray, beside: np.ndarray, counted: _Counted, names: Sequence[str]
+    likeness: np.ndarray,
+    beside: np.ndarray,
+    counted: _Counted,
+    rim: np.ndarray,
+    names: Sequence[str],
 ) -> tuple[_Found, dict[int, int]]:
     """Receptors that read what is due at the place of another, and which one that is.
 
@@ -366,6 +375,7 @@ def _misplaced(
         likeness: `(S, S)` with what is due at each place.
         beside: `(S, S)` with that and what the receptor there reads itself, if it is another one.
         counted: what was felt.
+        rim: `(S,)` bool, receptors of which a neighbour never felt anything.
         names: S.
     """
     own = np.diag(likeness)
@@ -377,7 +387,8 @@ def _misplaced(
     between = (own < _UNLIKE * usual) & (beside.max(axis=1) > _SLIGHTLY * own)
     between &= beside.max(axis=1) >= _AS_USUAL * usual
     best = np.where(between & ~far, beside.argmax(axis=1), best)
-    moved = (far | between) & (counted.felt >= _FELT)
+    unlike = own < np.where(rim, _ON_RIM, _OWN) * usual
+    moved = (far | between) & (counted.felt >= _MOVED) & unlike
     at = dict(zip(np.flatnonzero(moved).tolist(), best[moved].tolist(), strict=True))
     # Receptors that change places explain each other, also those that moved little.
     rows = np.union1d(np.flatnonzero(moved), best[moved])

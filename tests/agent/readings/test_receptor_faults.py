@@ -86,6 +86,13 @@ def test_what_was_never_touched_is_not_called_dead():
     assert (found.fault[never] == Fault.UNKNOWN).all()
 
 
+def test_receptors_on_the_rim_of_what_was_touched_are_not_moved():
+    for seed in range(4):
+        found = find_faults(touches(400, seed, below=-0.2), NAMES, neighbours_in_file(PLACE))
+        assert (found.felt == 0).sum() > 10
+        assert len(found.faulty) == 0
+
+
 def test_without_places_loose_contacts_are_found_and_nobody_is_moved(felt):
     random = np.random.default_rng(1)
     loose, _, at = put_in("flickers", felt, PLACE, random)
