@@ -244,6 +244,11 @@ def check_lines(checked: Sequence[CheckedSkin]) -> list[str]:
             f"skin: {(found.fault == Fault.NONE).sum()} of {len(found.fault)} receptors{of} are "
             f"well, {len(found.faulty)} are not" + (f", {unmet} were never met" if unmet else "")
         )
+        if not found.overlap:
+            lines.append(
+                f"fields{of} hardly overlap: neighbours do not tell what a receptor should feel, "
+                "so most faults cannot be told"
+            )
     if any(one.skin.place is None for one in checked):
         lines.append(
             "no file says where receptors are: those that are exchanged or never felt anything "
@@ -269,7 +274,8 @@ def drift_lines(found: Sequence[ComparedSkin]) -> list[str]:
         lines.append(
             f"skin: {len(one.drift.changes)} of {len(one.skin.names)} receptors{of} changed"
         )
-        if len(one.drift.changes) > _TOO_MANY * len(one.skin.names):
+        lost = one.drift.before.overlap and not one.drift.after.overlap
+        if lost or len(one.drift.changes) > _TOO_MANY * len(one.skin.names):
             lines.append("are these two runs of one robot, with receptors in one order?")
         if one.move is None:
             lines.append(

@@ -30,6 +30,10 @@ _OF_CLASS = 10
 # Touches that must be due before a receptor is blamed for missing them, those that must be due for
 # sure if it never felt any, and those that it must have felt before it is unsteady, or moved.
 _EXPECTED, _SURE, _FELT, _MOVED = 10.0, 5, 8, 20
+# Fields overlap if receptors miss at most this share of what is surely due, and if readings are at
+# least so much like what is due. On a ball whose receptors reach 1.1 times as far as the next one,
+# of which a strip was touched, 0.23 are missed, and receptors beyond its rim would be called dead.
+_SELDOM, _ALIKE = 0.1, 0.6
 # A stuck receptor reads values within this share of its median in so many of the touches.
 _SAME, _MOSTLY = 0.1, 0.8
 # Parts of equal numbers of touches in which it is looked whether a receptor still feels.
@@ -83,6 +87,8 @@ class SkinFaults:
         read_as: `(S,)` the receptor at whose place each one is found; itself, if all is well; -1
             where nobody knows.
         likeness: `(S,)` cosine of its readings with what is due there; NaN likewise.
+        overlap: whether fields overlap so much that neighbours tell what a receptor should feel;
+            else only stuck receptors are told, and those that died on the way.
     """
 
     fault: np.ndarray
@@ -93,6 +99,7 @@ class SkinFaults:
     unexpected: np.ndarray
     read_as: np.ndarray
     likeness: np.ndarray
+    overlap: bool
 
     @property
     def faulty(self) -> np.ndarray:
@@ -161,13 +168,15 @@ def find_faults(
         likeness = _likeness(share, weight * healthy)
         found = dict(stuck)
         moves: dict[int, int] = {}
+        alike = _usual(likeness, counted) >= _ALIKE
         if neighbours is not None:
             found = _dead(counted, weight, on_place) | found
+        if neighbours is not None and alike:
             beside = _likeness(share, (weight + np.eye(number)) * healthy)
             rim = (weight > 0) @ (counted.felt == 0)
             moved, moves = _misplaced(likeness, beside, counted, rim, names)
             found = moved | found
-        found = _unsteady(counted) | _dead_since(counted, len(sensation)) | found
+        found = _unsteady(counted, alike) | _dead_since(counted, len(sensation)) | found
         before, healthy = healthy, ~np.isin(np.arange(number), list(found))
         # Of mostly faulty receptors, the others tell nothing.
         if (before == healthy).all() or 2 * healthy.sum() < number:
@@ -188,6 +197,7 @@ def find_faults(
         unexpected=counted.unexpected,
         read_as=read_as,
         likeness=np.where(read_as >= 0, likeness[np.arange(number), read_as], np.nan),
+        overlap=alike and counted.is_sure,
     )
 
 
@@ -214,6 +224,17 @@ class _Counted:
     sure: np.ndarray
     missed: np.ndarray
     unexpected: np.ndarray
+
+    @property
+    def usually_missed(self) -> float:
+        """Share of what is surely due that receptors miss, in the median; 1 if nobody knows."""
+        known = (self.felt >= _FELT) & (self.sure >= _EXPECTED)
+        return float(np.median(self.missed[known])) if known.any() else 1.0
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether what is surely due is felt: fields overlap."""
+        return self.usually_missed <= _SELDOM
 
     @staticmethod
     def of(share: np.ndarray, weight: np.ndarray, healthy: np.ndarray) -> "_Counted":
@@ -321,7 +342,7 @@ def _dead(counted: _Counted, weight: np.ndarray, on_place: np.ndarray | None) ->
     silent = counted.felt == 0
     found: _Found = {}
     for receptor in np.flatnonzero(silent).tolist():
-        if counted.sure[receptor] >= _SURE:
+        if counted.is_sure and counted.sure[receptor] >= _SURE:
             found[receptor] = (
                 Fault.DEAD,
                 f"felt none of {counted.sure[receptor]:,} touches that its neighbours felt",
@@ -362,6 +383,12 @@ def _dead_since(counted: _Counted, num_touches: int) -> _Found:
     return found
 
 
+def _usual(likeness: np.ndarray, counted: _Counted) -> float:
+    """Median cosine of readings with what is due at their own place; 0 if nobody knows."""
+    known = counted.felt >= _FELT
+    return float(np.median(np.diag(likeness)[known])) if known.any() else 0.0
+
+
 def _misplaced(
     likeness: np.ndarray,
     beside: np.ndarray,
@@ -379,7 +406,7 @@ def _misplaced(
         names: S.
     """
     own = np.diag(likeness)
-    usual = float(np.median(own[counted.felt >= _FELT])) if (counted.felt >= _FELT).any() else 1.0
+    usual = _usual(likeness, counted)
     best = likeness.argmax(axis=1)
     most = likeness.max(axis=1)
     far = (most - own > _BETTER) & (most >= _AS_USUAL * usual)
@@ -425,24 +452,28 @@ def rings(at: dict[int, int]) -> list[list[int]]:
     return found
 
 
-def _unsteady(counted: _Counted) -> _Found:
-    """Receptors that feel where nothing is due, or often do not feel where it is."""
+def _unsteady(counted: _Counted, alike: bool) -> _Found:
+    """Receptors that feel where nothing is due, or often do not feel where it is.
+
+    Args:
+        counted: what was felt.
+        alike: whether receptors read what is due.
+    """
     found: _Found = {}
     known = counted.felt >= _FELT
     if not known.any():
         return found
     usual = float(np.median(counted.unexpected[known]))
-    missed = counted.missed[known & (counted.sure >= _EXPECTED)]
-    usually_missed = float(np.median(missed)) if len(missed) else 0.0
+    usually_missed = counted.usually_missed
     for receptor in np.flatnonzero(known).tolist():
         alone = counted.unexpected[receptor]
-        if alone > max(_UNEXPECTED, _TIMES * usual):
+        if alike and alone > max(_UNEXPECTED, _TIMES * usual):
             found[receptor] = (
                 Fault.FLICKERS,
                 f"its neighbours felt nothing in {alone:.0%} of the {counted.felt[receptor]:,} "
                 f"touches that it felt ({usual:.0%} is usual)",
             )
-        elif counted.sure[receptor] >= _EXPECTED and (
+        elif (counted.is_sure and counted.sure[receptor] >= _EXPECTED) and (
             counted.missed[receptor] > usually_missed + _MISSED
         ):
             found[receptor] = (

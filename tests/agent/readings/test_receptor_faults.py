@@ -1,5 +1,7 @@
 """Faults of receptors on a ball of skin, each put in by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from made_up import sphere_points
@@ -8,6 +10,7 @@ from scipy.spatial.distance import cdist
 from benchmarks.accuracy.skin_faults import KINDS, named_right, put_in
 from selftouch_drake.agent.readings.receptor_faults import (
     Fault,
+    _misplaced,
     find_faults,
     neighbours_by_touch,
     neighbours_in_file,
@@ -86,11 +89,26 @@ def test_what_was_never_touched_is_not_called_dead():
     assert (found.fault[never] == Fault.UNKNOWN).all()
 
 
-def test_receptors_on_the_rim_of_what_was_touched_are_not_moved():
-    for seed in range(4):
-        found = find_faults(touches(400, seed, below=-0.2), NAMES, neighbours_in_file(PLACE))
-        assert (found.felt == 0).sum() > 10
-        assert len(found.faulty) == 0
+def test_where_fields_hardly_overlap_nobody_is_blamed():
+    at = np.random.default_rng(0).normal(size=(4000, 3))
+    at /= np.linalg.norm(at, axis=1, keepdims=True)
+    strip = at[np.abs(at[:, 0]) < 0.25][:400]
+    narrow = np.maximum(0.0, 1 - cdist(strip, PLACE) / 0.5)
+    narrow[:, 7] = 0.4
+    found = find_faults(narrow, NAMES, neighbours_in_file(PLACE))
+    assert not found.overlap
+    assert {n: str(found.fault[n]) for n in found.faulty.tolist()} == {7: "stuck"}
+
+
+def test_on_the_rim_of_what_was_touched_only_a_receptor_that_is_far_away_is_moved():
+    likeness = np.full((5, 5), 0.1) + 0.8 * np.eye(5)
+    likeness[0, :2] = 0.5, 0.9
+    likeness[2, 2:4] = 0.05, 0.9
+    counted = SimpleNamespace(felt=np.full(5, 50))
+    for rim, moved in ((False, {0: 1, 2: 3}), (True, {2: 3})):
+        found, at = _misplaced(likeness, likeness, counted, np.full(5, rim), NAMES)
+        assert at == moved
+        assert set(found) == set(moved)
 
 
 def test_without_places_loose_contacts_are_found_and_nobody_is_moved(felt):
