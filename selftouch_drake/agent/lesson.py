@@ -20,7 +20,7 @@ from selftouch_drake.quotient.sensations import assign, target_sensations
 _PER_TARGET, _MOST_TARGETS = 3, 150
 # Receptors whose touches have at least this cosine are of one part; smaller parts of the touches
 # are left to the others; and parts are told from this many touches on.
-_ALIKE, _PART, _PARTS_FROM = 0.2, 0.1, 800
+_ALIKE, _PART, _PARTS_FROM = 0.2, 0.03, 800
 # A joint was seen if touches cover this share of its range.
 _SEEN = 0.4
 # Fewer touches make no representation, though a body may be known.
