@@ -37,9 +37,10 @@ _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
-# Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
-# they do by that much counts as so many mu longer.
-_MARGIN, _WORSE_DEEP = 0.1, 50.0
+# Own parts come no nearer to their limit than this, in distances of kernels.
+_MARGIN = 0.1
+# Parts that are in each other deeper than ever by one distance of kernels count as so many mu.
+_WORSE_DEEP = 50.0
 # Detours through the air that are tried: of so many past postures, those that lengthen them least;
 # and samples of each.
 _DETOURS, _PAST_POSTURES, _AIR_SAMPLES = 40, 2000, 40
@@ -285,8 +286,7 @@ class Imagination:
         order = np.argsort([self._leg(skin, one, way, goal).cost for one in rough])
         found = list[Leg]()
         for number in order:
-            smooth = self._leg(skin, skin.smoothed(rough[number], way), way, goal)
-            found.append(replace(smooth, deep=self._deep(smooth.x)))
+            found.append(self._smooth(skin, rough[number], way, goal))
             if sum(leg.good for leg in found) >= _ENOUGH:
                 break
         best = min(found, key=lambda leg: leg.cost)
@@ -312,8 +312,17 @@ class Imagination:
         rough = np.repeat(x[None], len(keys), axis=0)
         rough[1:, joints] = keys[1:, 3:]
         rough[1:] = skin.put(rough[1:], way.place[1:], way.normal[1:])
-        smooth = self._leg(skin, skin.smoothed(rough, way), way, goal)
-        return replace(smooth, deep=self._deep(smooth.x))
+        return self._smooth(skin, rough, way, goal)
+
+    def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
+        """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
+        x = skin.smoothed(rough, way)
+        leg = self._leg(skin, x, way, goal)
+        deep = self._deep(x)
+        if deep > 0.0 and leg.error <= _MISSED:
+            apart = skin.smoothed(x, way, self.own_parts)
+            return replace(self._leg(skin, apart, way, goal), deep=self._deep(apart))
+        return replace(leg, deep=deep)
 
     def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A motion over the skin with what is felt on it, and how well it keeps to its way."""
