@@ -8,6 +8,7 @@ on those parts alone where held-out touches agree with it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -37,8 +38,9 @@ _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
-# Own parts come no nearer to their limit than this, in distances of kernels.
-_MARGIN = 0.1
+# Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
+# they come as near as the second is made smooth once more, so that they keep away.
+_MARGIN, _NEAR = 0.1, 0.3
 # Parts that are in each other deeper than ever by one distance of kernels count as so many mu.
 _WORSE_DEEP = 50.0
 # Detours through the air that are tried: of so many past postures, those that lengthen them least;
@@ -79,8 +81,7 @@ class Leg:
     @property
     def cost(self) -> float:
         """Length of the motion in mu, and more where it may lose contact or run into own parts."""
-        missed = max(0.0, self.error - _MISSED)
-        return path_length(self.x)[-1] + _WORSE * missed + _WORSE_DEEP * self.deep
+        return _cost(self.x, self.error) + _WORSE_DEEP * self.deep
 
 
 class Imagination:
@@ -283,7 +284,7 @@ class Imagination:
         goals[:, joints] = self._x(surface.row[ends])[:, joints]
         nearest = np.argsort(np.linalg.norm(goals - x, axis=1), kind="stable")[:_GOALS]
         rough = np.concatenate([skin.blended(x, goals[nearest], way), skin.followed(x, way)[None]])
-        order = np.argsort([self._leg(skin, one, way, goal).cost for one in rough])
+        order = np.argsort([_cost(one, _missed(skin, one, way)) for one in rough])
         found = list[Leg]()
         for number in order:
             found.append(self._smooth(skin, rough[number], way, goal))
@@ -299,7 +300,12 @@ class Imagination:
     def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
         """A motion through firm touches, where the straight way asks too much of the joints."""
         surface, joints = skin.surface, skin.reach.joints
-        passed = self._roadmap(surface).way(x, goals)
+        most = self._most_deep(x)
+
+        def too_deep(x: np.ndarray) -> np.ndarray:
+            return self._excess(x) > most
+
+        passed = self._roadmap(surface).way(x, goals, too_deep)
         if passed is None:
             return None
         place = surface.projected(skin.centres(passed))[0]
@@ -317,31 +323,28 @@ class Imagination:
     def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
         x = skin.smoothed(rough, way)
-        leg = self._leg(skin, x, way, goal)
-        deep = self._deep(x)
-        if deep > 0.0 and leg.error <= _MISSED:
-            apart = skin.smoothed(x, way, self.own_parts)
-            return replace(self._leg(skin, apart, way, goal), deep=self._deep(apart))
-        return replace(leg, deep=deep)
+        if self._excess(x).max() > -_NEAR:
+            x = skin.smoothed(x, way, self.own_parts)
+        return replace(self._leg(skin, x, way, goal), deep=self._deep(x))
 
     def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A motion over the skin with what is felt on it, and how well it keeps to its way."""
-        # Between knots as well: a wrist that turns over there leaves the skin.
-        place, normal = dense(way.place), dense(way.normal)
-        at = skin.places(dense(x), normal)[0]
-        across = np.abs(np.einsum("ta,ta->t", at - place, normal))[_BEGUN * _BETWEEN :]
-        error = max(float(across.max()), float(np.linalg.norm(at[-1] - place[-1])))
-        node = skin.surface.kernel_at(at[::_BETWEEN])
+        node = skin.surface.kernel_at(skin.centres(x))
         node[-1] = goal
-        return Leg(x=x, node=node, error=error / skin.surface.spacing)
+        return Leg(x=x, node=node, error=_missed(skin, x, way))
 
     def _deep(self, x: np.ndarray) -> float:
-        """How much deeper than ever own parts are in each other in scaled postures `(n, J)`.
-
-        What the first posture cannot help does not count.
-        """
-        excess = self.own_parts.excess(x / self.representation.joint_scale)
+        """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
+        excess = self._excess(x)
         return max(0.0, float(excess.max()) - max(float(excess[0]), -_MARGIN))
+
+    def _most_deep(self, x: np.ndarray) -> float:
+        """How deep own parts may be on a motion: what its first posture cannot help does not count."""
+        return max(float(self._excess(x[None])[0]), -_MARGIN)
+
+    def _excess(self, x: np.ndarray) -> np.ndarray:
+        """As of `OwnParts.excess`, in scaled postures `(n, J)`."""
+        return self.own_parts.excess(x / self.representation.joint_scale)
 
     def _lifter(self, surface: TouchedSurface) -> Lifter:
         """The lifter of a surface within the range of experience."""
@@ -418,13 +421,34 @@ class Imagination:
         )
 
 
+def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> float:
+    """How far a motion `(T, J)` is from its way, as `Leg.error` says."""
+    # Between knots as well: a wrist that turns over there leaves the skin.
+    place, normal = dense(way.place), dense(way.normal)
+    at = skin.places(dense(x), normal)[0]
+    across = np.abs(np.einsum("ta,ta->t", at - place, normal))[_BEGUN * _BETWEEN :]
+    end = np.linalg.norm(at[-1] - place[-1])
+    return max(float(across.max()), float(end)) / skin.surface.spacing
+
+
+def _cost(x: np.ndarray, error: float) -> float:
+    """Length of a motion in mu, and more where it may lose contact."""
+    return float(path_length(x)[-1]) + _WORSE * max(0.0, error - _MISSED)
+
+
 def dense(knots: np.ndarray) -> np.ndarray:
     """`(n, D)` samples of the smooth curve through `(T, D)` knots, `_BETWEEN` for each step."""
-    number = np.arange(len(knots), dtype=float)
-    at = np.linspace(0.0, number[-1], _BETWEEN * (len(knots) - 1) + 1)
-    samples = CubicSpline(number, knots)(at)
+    samples = _between(len(knots)) @ knots
     samples[::_BETWEEN] = knots
     return samples
+
+
+@lru_cache(maxsize=64)
+def _between(num: int) -> np.ndarray:
+    """`(n, T)` how much each of so many knots counts for each sample of the curve through them."""
+    number = np.arange(num, dtype=float)
+    at = np.linspace(0.0, number[-1], _BETWEEN * (num - 1) + 1)
+    return CubicSpline(number, np.eye(num))(at)
 
 
 def _hold_still(skin: Lifter, other: Lifter) -> bool:

@@ -14,10 +14,8 @@ from selftouch_drake.agent.body_model.surface import TouchedSurface
 _ACROSS, _ALONG = 0.05, 0.2
 # A posture touches the skin if its toucher is nearer to it than this, in distances of kernels.
 _NEAR = 1.5
-# Steps of damped least squares that put a posture onto its place, each at most so long, mu.
-_PUT, _LONGEST = 8, 0.6
-# Share of the joints' squared reach by which these steps are damped.
-_DAMPED = 1e-3
+# Steps of damped least squares that put a posture onto its place.
+_PUT = 8
 # Steps of Gauss-Newton over the whole motion, each at most so long, mu.
 _SMOOTHED, _MOST = 15, 0.5
 # A step that does not pay is halved so often; when one gains less than this share, the motion is
@@ -27,7 +25,7 @@ _HALVED, _GAIN = 4, 0.01
 # the place in their tolerances.
 _SPEED, _ACCELERATION = 1.0, 20.0
 # Own parts keep this from their limits, in distances of kernels, with this tolerance.
-_MARGIN, _APART = 0.2, 0.05
+_MARGIN, _APART = 0.3, 0.1
 # The end is held more tightly than the way, by this factor, for so many knots.
 _TIGHT, _END = 2.0, 3
 
@@ -112,23 +110,10 @@ class Lifter:
     def put(
         self, x: np.ndarray, place: np.ndarray, normal: np.ndarray, *, steps: int = _PUT
     ) -> np.ndarray:
-        """`(n, J)` postures near `(n, J)` x with the toucher at `(n, 3)` places, if it gets there.
-
-        Each goes the shortest way, and stays within the limits.
-        """
-        x, joints = x.copy(), self.reach.joints
-        lower, upper = self.lower[joints], self.upper[joints]
-        for _ in range(steps):
-            at, by_x = self.places(x, normal)
-            square = np.einsum("nal,nbl->nab", by_x, by_x)
-            damping = _DAMPED * np.einsum("naa->n", square)
-            square += damping[:, None, None] * np.eye(3)
-            pull = np.linalg.solve(square, (place - at)[:, :, None])[:, :, 0]
-            step = np.einsum("nal,na->nl", by_x, pull)
-            size = np.linalg.norm(step, axis=1, keepdims=True)
-            step *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-12))
-            x[:, joints] = np.clip(x[:, joints] + step, lower, upper)
-        return x
+        """As `Reach.put`, at `(n, J)` x."""
+        limits = self.lower / self.scale, self.upper / self.scale
+        q = self.reach.put(x / self.scale, place, normal, limits, scale=self.scale, steps=steps)
+        return q * self.scale
 
     def blended(self, x_start: np.ndarray, x_goal: np.ndarray, way: SkinWay) -> np.ndarray:
         """`(n, T, J)` motions from one posture to n others, each put onto the way.
