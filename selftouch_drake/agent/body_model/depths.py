@@ -80,7 +80,11 @@ def _apart(around, seen, corner, cell, sides, first, clear):
     Args:
         around: `(4,)` a ball that holds those of the mover.
         seen: `(3, 4)` pose of the mover's link.
-        corner, cell, sides, first, clear: as of `Meetings`, of this solid.
+        corner: `(3,)` of the solid's grid.
+        cell: of the grid.
+        sides: `(3,)` of the grid.
+        first: where the grid begins in `clear`.
+        clear: as of `Meetings`.
     """
     place = _at(seen, around[0], around[1], around[2])
     number, outside = 0, 0.0
@@ -134,7 +138,12 @@ def _worst(seen, balls, corner, cell, sides, first, height, place, limits, kept)
     Args:
         seen: `(3, 4)` pose of the mover's link.
         balls: `(b, 4)` centres and radii of the mover's balls.
-        corner, cell, sides, first, height, place: as of `Meetings`, of the solid.
+        corner: `(3,)` of the solid's grid.
+        cell: of the grid.
+        sides: `(3,)` of the grid.
+        first: where the grid begins in `height` and `place`.
+        height: as of `Meetings`.
+        place: as of `Meetings`.
         limits: `(p,)` of the meeting.
         kept: `(2, 3)` is filled in with where the worst ball is, and the slope of the height.
     """
@@ -218,7 +227,16 @@ def exceed(meetings, poses, over, kept):
             over[meeting, row] = -np.inf
             if not _apart(around, seen, corner, cell, sides, first, clear):
                 worst = _worst(
-                    seen, balls, corner, cell, sides, first, height, place, limits, kept[meeting, row]
+                    seen,
+                    balls,
+                    corner,
+                    cell,
+                    sides,
+                    first,
+                    height,
+                    place,
+                    limits,
+                    kept[meeting, row],
                 )
                 over[meeting, row] = worst / meetings.unit[meeting]
 

@@ -31,8 +31,9 @@ from selftouch_drake.quotient.smooth import path_length, smooth_path
 _KNOTS, _BETWEEN = 50, 4
 # Knots at the start that do not count: a light touch becomes firm there.
 _BEGUN = 3
-# Postures of the goal from which motions are tried, and good ones of these that are enough.
-_GOALS, _ENOUGH = 10, 2
+# Postures of the goal from which motions are begun, the best of these that are made smooth, and
+# good ones that are enough.
+_GOALS, _TRIED, _ENOUGH = 10, 5, 2
 # Places at which a motion may end, and touches about each that tell what is felt there.
 _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
@@ -40,7 +41,7 @@ _PLACES, _AMONG = 60, 20
 _MISSED, _WORSE = 0.1, 200.0
 # Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
 # they come as near as the second is made smooth once more, so that they keep away.
-_MARGIN, _NEAR = 0.1, 0.3
+_MARGIN, _NEAR = 0.1, 0.2
 # Parts that are in each other deeper than ever by one distance of kernels count as so many mu.
 _WORSE_DEEP = 50.0
 # Detours through the air that are tried: of so many past postures, those that lengthen them least;
@@ -286,7 +287,7 @@ class Imagination:
         rough = np.concatenate([skin.blended(x, goals[nearest], way), skin.followed(x, way)[None]])
         order = np.argsort([_cost(one, _missed(skin, one, way)) for one in rough])
         found = list[Leg]()
-        for number in order:
+        for number in order[:_TRIED]:
             found.append(self._smooth(skin, rough[number], way, goal))
             if sum(leg.good for leg in found) >= _ENOUGH:
                 break
@@ -335,11 +336,10 @@ class Imagination:
 
     def _deep(self, x: np.ndarray) -> float:
         """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
-        excess = self._excess(x)
-        return max(0.0, float(excess.max()) - max(float(excess[0]), -_MARGIN))
+        return max(0.0, float(self._excess(x).max()) - self._most_deep(x[0]))
 
     def _most_deep(self, x: np.ndarray) -> float:
-        """How deep own parts may be on a motion: what its first posture cannot help does not count."""
+        """How deep own parts may be on a motion: as in its first posture, which is given."""
         return max(float(self._excess(x[None])[0]), -_MARGIN)
 
     def _excess(self, x: np.ndarray) -> np.ndarray:

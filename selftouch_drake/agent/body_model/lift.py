@@ -25,7 +25,7 @@ _HALVED, _GAIN = 4, 0.01
 # the place in their tolerances.
 _SPEED, _ACCELERATION = 1.0, 20.0
 # Own parts keep this from their limits, in distances of kernels, with this tolerance.
-_MARGIN, _APART = 0.3, 0.1
+_MARGIN, _APART = 0.2, 0.1
 # The end is held more tightly than the way, by this factor, for so many knots.
 _TIGHT, _END = 2.0, 3
 

@@ -163,7 +163,9 @@ def _put(x, twists, signs, point, bulge, goal, normal, lower, upper, steps):
             damping = _DAMPED * (square[0, 0] + square[1, 1] + square[2, 2])
             for axis in range(3):
                 square[axis, axis] += damping
-            a, b, c = _solved(square, goal[i, 0] - place[0], goal[i, 1] - place[1], goal[i, 2] - place[2])
+            a, b, c = _solved(
+                square, goal[i, 0] - place[0], goal[i, 1] - place[1], goal[i, 2] - place[2]
+            )
             size = 0.0
             for joint in range(length):
                 move[joint] = by_x[0, joint] * a + by_x[1, joint] * b + by_x[2, joint] * c
