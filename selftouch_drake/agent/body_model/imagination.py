@@ -44,6 +44,8 @@ _MISSED, _WORSE = 0.1, 200.0
 _MARGIN, _NEAR = 0.1, 0.2
 # Parts that are in each other deeper than ever by one distance of kernels count as so many mu.
 _WORSE_DEEP = 50.0
+# What is pressed beside the goal counts as so many mu.
+_WORSE_BESIDE = 5.0
 # Detours through the air that are tried: of so many past postures, those that lengthen them least;
 # and samples of each.
 _DETOURS, _PAST_POSTURES, _AIR_SAMPLES = 40, 2000, 40
@@ -66,6 +68,7 @@ class Leg:
             knots, or from its end, in distances of kernels; 0 in the air.
         deep: how much deeper than ever own parts are in each other on it, in distances of kernels;
             0 if they are not.
+        beside: whether something else is pressed at its end.
     """
 
     x: np.ndarray
@@ -73,16 +76,18 @@ class Leg:
     in_air: bool = False
     error: float = 0.0
     deep: float = 0.0
+    beside: bool = False
 
     @property
     def good(self) -> bool:
-        """Whether it keeps contact, and own parts apart, as far as the agent can imagine."""
-        return self.error <= _MISSED and self.deep <= 0.0
+        """Whether it keeps contact, own parts apart and feels its goal, as the agent imagines."""
+        return self.error <= _MISSED and self.deep <= 0.0 and not self.beside
 
     @property
     def cost(self) -> float:
         """Length of the motion in mu, and more where it may lose contact or run into own parts."""
-        return _cost(self.x, self.error) + _WORSE_DEEP * self.deep
+        worse = _WORSE_DEEP * self.deep + _WORSE_BESIDE * self.beside
+        return _cost(self.x, self.error) + worse
 
 
 class Imagination:
@@ -281,22 +286,34 @@ class Imagination:
         if place is None:
             return None
         way = skin.over(place)
-        goals = np.repeat(x[None], len(ends), axis=0)
-        goals[:, joints] = self._x(surface.row[ends])[:, joints]
-        nearest = np.argsort(np.linalg.norm(goals - x, axis=1), kind="stable")[:_GOALS]
-        rough = np.concatenate([skin.blended(x, goals[nearest], way), skin.followed(x, way)[None]])
+        lived = self._x(surface.row[ends])
+        near = lived.copy()
+        near[:, np.delete(np.arange(len(x)), joints)] = np.delete(x, joints)
+        near = near[np.argsort(np.linalg.norm(near - x, axis=1), kind="stable")[:_GOALS]]
+        lived = lived[np.argsort(np.linalg.norm(lived - x, axis=1), kind="stable")[:_GOALS]]
+        rough = [*skin.blended(x, near, way), skin.followed(x, way)]
+        found = self._best_smooth(skin, rough, way, goal)
+        if found[0].beside:
+            # Something else is felt beside the goal: all joints go where they were when it was not.
+            found += self._best_smooth(skin, list(skin.blended(x, lived, way)), way, goal)
+        best = min(found, key=lambda leg: leg.cost)
+        if not best.good:
+            about = self._round_about(skin, x, near, goal)
+            if about is not None and about.cost < best.cost:
+                return about
+        return best
+
+    def _best_smooth(
+        self, skin: Lifter, rough: Sequence[np.ndarray], way: SkinWay, goal: int
+    ) -> list[Leg]:
+        """Some rough motions made smooth, the best first."""
         order = np.argsort([_cost(one, _missed(skin, one, way)) for one in rough])
         found = list[Leg]()
         for number in order[:_TRIED]:
             found.append(self._smooth(skin, rough[number], way, goal))
             if sum(leg.good for leg in found) >= _ENOUGH:
                 break
-        best = min(found, key=lambda leg: leg.cost)
-        if not best.good:
-            about = self._round_about(skin, x, goals[nearest], goal)
-            if about is not None and about.cost < best.cost:
-                return about
-        return best
+        return sorted(found, key=lambda leg: leg.cost)
 
     def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
         """A motion through firm touches, where the straight way asks too much of the joints."""
@@ -326,7 +343,12 @@ class Imagination:
         x = skin.smoothed(rough, way)
         if self._excess(x).max() > -_NEAR:
             x = skin.smoothed(x, way, self.own_parts)
-        return replace(self._leg(skin, x, way, goal), deep=self._deep(x))
+        beside = any(
+            self._lifter(other).presses(x[-1])
+            for other in self.surfaces
+            if (other.reach.part, other.reach.toucher) != (skin.reach.part, skin.reach.toucher)
+        )
+        return replace(self._leg(skin, x, way, goal), deep=self._deep(x), beside=beside)
 
     def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A motion over the skin with what is felt on it, and how well it keeps to its way."""

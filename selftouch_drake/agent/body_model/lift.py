@@ -14,6 +14,8 @@ from selftouch_drake.agent.body_model.surface import TouchedSurface
 _ACROSS, _ALONG = 0.05, 0.2
 # A posture touches the skin if its toucher is nearer to it than this, in distances of kernels.
 _NEAR = 1.5
+# It presses the skin if it is no higher above firm touches than this, likewise.
+_HIGH = 0.3
 # Steps of damped least squares that put a posture onto its place.
 _PUT = 8
 # Steps of Gauss-Newton over the whole motion, each at most so long, mu.
@@ -94,6 +96,13 @@ class Lifter:
         """Whether the toucher is at the skin in a posture `(J,)`."""
         far = self.surface.nodes.query(self.centres(x[None]))[0][0]
         return bool(far < _NEAR * self.surface.spacing)
+
+    def presses(self, x: np.ndarray) -> bool:
+        """Whether the toucher is as deep as in touches, in a posture `(J,)`."""
+        at = self.centres(x[None])
+        on_it, normal = self.surface.projected(at)
+        above = float((at - on_it)[0] @ normal[0])
+        return self.touches(x) and above < _HIGH * self.surface.spacing
 
     def places(self, x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""
