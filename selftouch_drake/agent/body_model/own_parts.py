@@ -132,10 +132,10 @@ class OwnParts:
         poses = model.link_poses(q[:: max(1, len(q) // _PAST)].astype(float))
         meetings = _met(poses, _meetings(model, movers, solids), solids)
         over, _ = _over(meetings, poses[:: max(1, len(poses) // _JUDGED)])
-        # Neighbouring links are always near their limit: it says less there.
-        always = np.mean(over > -_NEAR, axis=1) > _ALWAYS
-        raised = np.repeat(_NEAR * always * meetings.unit, _places(meetings))
-        return cls(model=model, meetings=meetings._replace(limits=meetings.limits + raised))
+        # What is always near its limit, as neighbouring links and what touches all the time, says
+        # nothing.
+        kept = np.flatnonzero(np.mean(over > -_NEAR, axis=1) <= _ALWAYS)
+        return cls(model=model, meetings=_some(meetings, kept))
 
     def excess(self, q: np.ndarray) -> np.ndarray:
         """`(n,)` how much deeper than ever own parts are in each other, in distances of kernels.
@@ -221,9 +221,10 @@ def _met(poses: np.ndarray, meetings: Meetings, solids: list[Solid]) -> Meetings
     return meetings._replace(limits=np.concatenate([np.zeros(0), *shared]))
 
 
-def _places(meetings: Meetings) -> np.ndarray:
-    """`(M,)` numbers of limits of each meeting."""
-    return np.diff(meetings.first_limit, append=len(meetings.limits))
+def _some(meetings: Meetings, kept: np.ndarray) -> Meetings:
+    """Some of the meetings, by number."""
+    each = ("mover", "solid", "mover_link", "solid_link", "first_limit", "unit")
+    return meetings._replace(**{name: getattr(meetings, name)[kept] for name in each})
 
 
 def _over(meetings: Meetings, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

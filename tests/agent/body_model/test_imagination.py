@@ -8,6 +8,7 @@ from modelled import true_model
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body_model import own_parts
 from selftouch_drake.agent.body_model.chain import derivatives, slopes
 from selftouch_drake.agent.body_model.imagination import Imagination
 from selftouch_drake.agent.body_model.lift import Lifter
@@ -272,9 +273,15 @@ def test_a_roadmap_joins_lived_postures_by_steps_on_the_skin(cube, still):
     assert roadmap.way(x[0] + 9.0, x[-5:]) is None
 
 
-def test_own_parts_may_be_as_deep_in_each_other_as_they_have_been(cube):
+def test_own_parts_may_be_as_deep_in_each_other_as_they_have_been(cube, monkeypatch):
     representation, model, _ = cube
     surfaces = touched_surfaces(model, representation)
+    # What always touches says nothing about own parts.
+    q = representation.kernel_q[:5].astype(float)
+    own = OwnParts.of(model, representation, surfaces)
+    assert np.isneginf(own.excess(q)).all()
+    assert not own.pushes(q, 9.0)[0].any()
+    monkeypatch.setattr(own_parts, "_ALWAYS", 1.0)
     own = OwnParts.of(model, representation, surfaces)
     (surface,) = surfaces
     past = representation.kernel_q[::7].astype(float)
@@ -289,8 +296,9 @@ def test_own_parts_may_be_as_deep_in_each_other_as_they_have_been(cube):
     assert own.excess(away / representation.joint_scale).max() < 0.0
 
 
-def test_own_parts_push_each_other_away(cube):
+def test_own_parts_push_each_other_away(cube, monkeypatch):
     representation, model, _ = cube
+    monkeypatch.setattr(own_parts, "_ALWAYS", 1.0)
     surfaces = touched_surfaces(model, representation)
     own, lifter = OwnParts.of(model, representation, surfaces), lifter_of(*surfaces, representation)
     q = representation.kernel_q[::40].astype(float)
