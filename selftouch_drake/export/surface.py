@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.support import bulge
 from selftouch_drake.agent.shape.surface import fitted_surface
+from selftouch_drake.export.fine_surface import fitted_to_touches
 from selftouch_drake.lazy import trimesh as lazy_trimesh
 from selftouch_drake.quotient.holes import topology
 
@@ -22,15 +23,19 @@ _FEWEST = 12
 _TOUCHER_DETAIL = 2
 
 
-def part_surface(model: BodyModel, part: int, depth: float = 0.0) -> "trimesh.Trimesh | None":
-    """The surface through the kernels of a part, in the frame of its link; None if there is none.
+def part_surface(
+    model: BodyModel, part: int, depth: float = 0.0, touches: np.ndarray | None = None
+) -> "trimesh.Trimesh | None":
+    """The surface of a part, in the frame of its link; None if there is none.
 
-    Closed if the skin encloses a void, else with a rim; faces look outward.
+    It goes through the kernels, or is as fine as touches tell if these are given. Closed if the skin
+    encloses a void, else with a rim; faces look outward.
 
     Args:
         model: of whose unit all lengths are.
         part: of the skin.
         depth: how deep under the surface the toucher's centre passes; negative if it stays outside.
+        touches: `(n, 3)` places of the toucher's centre on the part; NaN where unknown.
     """
     here = (model.kernel_part == part) & np.isfinite(model.kernel_place).all(axis=1)
     places, normals = model.kernel_place[here], model.kernel_normal[here]
@@ -50,8 +55,11 @@ def part_surface(model: BodyModel, part: int, depth: float = 0.0) -> "trimesh.Tr
     if not found.betti[2]:
         faces = _looking(places, faces, normals)
     mesh = lazy_trimesh.Trimesh(places, faces, process=False)
+    if touches is not None:
+        mesh, below = fitted_to_touches(mesh, touches[np.isfinite(touches).all(axis=1)])
+        depth -= below
     if depth:
-        mesh.vertices = places + depth * mesh.vertex_normals
+        mesh.vertices = mesh.vertices + depth * mesh.vertex_normals
     return mesh
 
 

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
-from selftouch_drake.export.experiment_text import directives_text, experiment_text, toucher_radius
+from selftouch_drake.export.experiment_text import (
+    Worn,
+    directives_text,
+    experiment_text,
+    toucher_radius,
+)
+from selftouch_drake.export.field_reach import field_reach
 from selftouch_drake.export.link_tree import LinkTree, joint_limits, link_tree
 from selftouch_drake.export.mjcf import mjcf_text
 from selftouch_drake.export.pure_joints import with_pure_joints
@@ -29,7 +35,7 @@ from selftouch_drake.export.unit import Unit, extent, unit_from_joints, unit_fro
 from selftouch_drake.export.urdf import urdf_text
 from selftouch_drake.export.xml_text import MADE_UP
 from selftouch_drake.files import write_csv, write_text_whole, written_whole
-from selftouch_drake.run.artifacts import load_body_model, load_representation
+from selftouch_drake.run.artifacts import load_body_model, load_representation, stored_sensations
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.model_text import headline, is_off
 from selftouch_drake.run.receptor_map import receptor_names
@@ -76,6 +82,7 @@ class Exported:
         model: in the files' unit, with pure joints: `link_poses` are the poses of the links there.
         slides: `(J,)` bool, whether a joint slides.
         experience: `(R, J)` readings, whose range becomes the limits.
+        target: `(R,)` target sensation of each.
         parts: of the skin that are exported.
         receptor_names: `(S,)`.
         unit: of the files.
@@ -86,6 +93,7 @@ class Exported:
     model: BodyModel
     slides: np.ndarray
     experience: np.ndarray
+    target: np.ndarray
     parts: Sequence[int]
     receptor_names: Sequence[str]
     unit: Unit
@@ -96,6 +104,25 @@ class Exported:
     def surface_depth(self) -> float:
         """How far above the centres of touchers surfaces lie; 0 if nobody knows it."""
         return self.depth or 0.0
+
+    def surface(self, part: int) -> "trimesh.Trimesh | None":
+        """The surface of a part, in the frame of its link; None if it has none."""
+        return part_surface(self.model, part, self.surface_depth, self.touches(part)[1])
+
+    def touches(self, part: int) -> tuple[np.ndarray, np.ndarray]:
+        """Readings of touches on a part that the model explains, as rows; and their places.
+
+        Returns:
+            `(n,)` rows of `experience`, and `(n, 3)` where the toucher's centre was in each.
+        """
+        of_part = self.model.kernel_part[self.target] == part
+        rows = np.flatnonzero(of_part & (self.model.kernel_toucher >= 0))
+        return rows, self.model.place(self.experience[rows], self.target[rows])
+
+    def receptors(self, part: int) -> np.ndarray:
+        """`(S, 3)` places of the receptors of a part; NaN for all others."""
+        own = self.model.receptor_part == part
+        return np.where(own[:, None], self.model.receptor_place, np.nan)
 
     def tree(self, name: str, meshes: Mapping[str, tuple[str, np.ndarray]]) -> LinkTree:
         """Links and joints; arguments are as of `link_tree`."""
@@ -126,22 +153,26 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
     parts = _exported_parts(run, model, rejected)
     names = receptor_names(run, len(model.receptor_part))
     # Before anything slow: what the user gave may not fit.
-    unit = _unit(model, names, known)
+    _unit(model, names, known)
     representation = load_representation(run)
     target = np.repeat(np.arange(len(model.kernel_part)), np.diff(representation.kernel_offsets))
     seen = replace(model, part_link=_links_of(model, parts))
     pure = with_pure_joints(seen, representation.kernel_q, target)
+    found = with_outward_normals(pure.model, parts)
+    unit = _unit(
+        found, names, known, depth=known.depth or 0.0, touches=(representation.kernel_q, target)
+    )
     comments = [
         f"made by selftouch from the body model of {run.path.name}: {headline(model)}",
         unit.text(),
         *_told(known),
         *_moved_by(pure.shift / extent(model)),
     ]
-    similar = similar_model(pure.model, metres=unit.metres, mirrored=known.mirror)
     return Exported(
-        model=with_outward_normals(similar, parts),
+        model=similar_model(found, metres=unit.metres, mirrored=known.mirror),
         slides=pure.slides,
         experience=representation.kernel_q,
+        target=target,
         parts=parts,
         receptor_names=names,
         unit=unit,
@@ -185,7 +216,7 @@ def export_model(
                 write_text_whole(file, text)
                 lines.append(f"body: {file}")
         lines += _write_tables(stem, found)
-        lines += _write_experiment(stem, found, surfaces, files)
+        lines += _write_experiment(run, stem, found, surfaces, files)
         lines += [f"surface: {stem}_{name}.obj (.stl, .ply)" for name in surfaces]
     without = [f"part_{part}" for part in found.parts if f"part_{part}" not in surfaces]
     if without:
@@ -223,13 +254,21 @@ def _links_of(model: BodyModel, parts: Sequence[int]) -> np.ndarray:
     return links
 
 
-def _unit(model: BodyModel, names: Sequence[str], known: Known) -> Unit:
+def _unit(
+    model: BodyModel,
+    names: Sequence[str],
+    known: Known,
+    *,
+    depth: float = 0.0,
+    touches: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Unit:
+    """The unit that a known length gives; `depth` and `touches` are as of `unit_from_receptors`."""
     if known.length is not None and known.distance is not None:
         raise ValueError("--length and --distance are both given; one known length is enough")
     if known.length is not None:
         return unit_from_joints(model, *known.length)
     if known.distance is not None:
-        return unit_from_receptors(model, names, *known.distance)
+        return unit_from_receptors(model, names, *known.distance, depth=depth, touches=touches)
     if known.depth is not None:
         raise ValueError(
             f"--depth is {known.depth:g} m, but no length of the body is known in metres; give "
@@ -263,7 +302,7 @@ def _surfaces(found: Exported) -> dict[str, "trimesh.Trimesh"]:
     """Meshes by the name of their link, in its frame; without parts that have none."""
     meshes = {}
     for part in found.parts:
-        mesh = part_surface(found.model, part, found.surface_depth)
+        mesh = found.surface(part)
         if mesh is not None:
             meshes[f"part_{part}"] = mesh
     if found.surface_depth < 0:  # outside, a ball of that radius touches
@@ -295,6 +334,7 @@ def _write_tables(stem: Path, found: Exported) -> list[str]:
 
 
 def _write_experiment(
+    run: RunDirectory,
     stem: Path,
     found: Exported,
     surfaces: Mapping[str, "trimesh.Trimesh"],
@@ -313,10 +353,17 @@ def _write_experiment(
     # Not the stem alone: the user may have an experiment of that name.
     directives, experiment = (Path(f"{stem}_experiment{end}") for end in (".dmd.yaml", ".yaml"))
     write_text_whole(directives, directives_text(stem.name, file))
-    skins = {
-        name: (f"{stem.name}_{name}.{MESHES[0]}", np.ptp(surfaces[name].vertices, axis=0))
-        for name in worn
-    }
+    felt = stored_sensations(run, load_representation(run))
+    skins = {}
+    for part, name in zip(found.parts, worn, strict=True):
+        rows, touches = found.touches(part)
+        receptors = found.receptors(part)
+        skins[name] = Worn(
+            mesh=f"{stem.name}_{name}.{MESHES[0]}",
+            extents=np.ptp(surfaces[name].vertices, axis=0),
+            receptors=receptors[np.isfinite(receptors).all(axis=1)],
+            reach=field_reach(receptors, touches, felt[rows]),
+        )
     text = experiment_text(
         directives.name,
         f"{stem.name}_receptors.csv",
