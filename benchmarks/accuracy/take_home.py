@@ -6,11 +6,11 @@
     python benchmarks/accuracy/take_home.py cube --seeds 31 --touches 15000 --again --pairs 20
 
 A name of an experiment is babbled and learned for each seed (or taken from --runs, if it is there);
-a folder is a run that has learned. The body is exported with one known length, the distance between
-the two joints whose axes are farthest apart, and with the touchers' mean depth, as the experimenter
-knows them. Printed are the error of the scale and its standard error in %, and, after a rigid motion
-alone, root mean squares in mm: of the touchers' centres over all touches, and of the surface's
-vertices from the true surface; of several skins the worst.
+a folder is a run that has learned. The body is exported with one known length, the distance of the
+two joints whose axes are farthest apart, and with the touchers' mean depth, as the experimenter
+knows them. Printed are the error of the scale and its standard error in %, and, after a rigid
+motion alone, root mean squares in mm: of the touchers' centres over all touches, and of the
+surface's vertices from the true surface; of several skins the worst.
 
 With --again the export becomes an experiment, on which the agent babbles and learns anew. Printed
 are its errors relative to those of the first run, and the contact of plans that `selftouch
@@ -207,7 +207,7 @@ def shape_scores(run: RunDirectory) -> dict[str, float]:
 
 
 def held(run: RunDirectory, original: World, scales: Path, pairs: int) -> np.ndarray:
-    """`(pairs, 2)` contact of plans as `selftouch plan` makes them: on the export, and on the original.
+    """`(pairs, 2)` contact of plans of `selftouch plan`: on the export, and on the original.
 
     Args:
         run: on the export.

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
+from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.receptors import usual_radius
+from selftouch_drake.geometry.surfaces import mesh_file
 
 #: Of the experiment: the folder of its own file.
 _HOME = "home"
@@ -17,6 +20,8 @@ _THICKNESS, _THICKNESS_SHARE = 0.03, 0.08
 _RESOLUTION_SHARE, _FINEST, _COARSEST = 0.07, 0.002, 0.03
 
 
+# Shares of the thickness that are tried until a skin fits.
+_THINNER = 1.0, 0.7, 0.5, 0.3
 # What experiments allow for the width of fields.
 _WIDTHS = 0.2, 3.0
 # m, as in other experiments: the size of a toucher whose centre sinks into the skin is not known.
@@ -26,6 +31,31 @@ _RADIUS = 0.01
 def toucher_radius(depth: float) -> float:
     """m, of a toucher whose centre passes so deep under the surface; negative if outside."""
     return -depth if depth < 0 else _RADIUS
+
+
+def resolution(extents: np.ndarray) -> float:
+    """m, edge of the triangles of a skin with `(3,)` extents."""
+    return round(float(np.clip(_RESOLUTION_SHARE * extents.max(), _FINEST, _COARSEST)), 4)
+
+
+def fitting_thickness(file: Path, extents: np.ndarray) -> float:
+    """m, thickness of a skin that fits under the surface in a file; NaN if none does.
+
+    Args:
+        file: of a closed mesh.
+        extents: `(3,)` m, of it.
+    """
+    try:
+        surface = mesh_file(file, resolution=resolution(extents))
+    except ValueError:  # it crosses itself
+        return np.nan
+    for share in _THINNER:
+        most = share * min(_THICKNESS, float(_THICKNESS_SHARE * extents.min()))
+        try:
+            return hollow_skin(surface, round(most, 4)).thickness
+        except ValueError:
+            continue
+    return np.nan
 
 
 def directives_text(name: str, file: str) -> str:
@@ -46,12 +76,14 @@ class Worn:
     Attributes:
         mesh: the file of its surface, in the experiment's folder.
         extents: `(3,)` m, of the surface.
+        thickness: m, so much as fits under it.
         receptors: `(S, 3)` m, its receptors that were met.
         reach: m, how far a typical one feels; NaN if nobody knows.
     """
 
     mesh: str
     extents: np.ndarray
+    thickness: float
     receptors: np.ndarray
     reach: float
 
@@ -75,11 +107,10 @@ def experiment_text(
     """
     skins: dict[str, Any] = {}
     for link, skin in worn.items():
-        resolution = np.clip(_RESOLUTION_SHARE * skin.extents.max(), _FINEST, _COARSEST)
         skins[link] = {
             "link": link,
-            "surface": {"mesh": skin.mesh, "resolution": round(float(resolution), 4)},
-            "thickness": round(min(_THICKNESS, float(_THICKNESS_SHARE * skin.extents.min())), 4),
+            "surface": {"mesh": skin.mesh, "resolution": resolution(skin.extents)},
+            "thickness": skin.thickness,
             "receptors": {"file": receptors, "part": int(link.removeprefix("part_"))},
         }
         if np.isfinite(skin.reach):

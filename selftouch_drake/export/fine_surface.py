@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from selftouch_drake.geometry.triangles import first_self_intersection
 from selftouch_drake.lazy import trimesh as lazy_trimesh
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ _FEWEST, _MOST = 20, 200
 _OTHER_SIDE = 4.0
 # How strongly a sheet is taken for flat: in touches that would say so.
 _FLAT = 2.0
+# Factors on triangles and windows, until the surface does not cross itself.
+_COARSER = 1.0, 1.5, 2.0
 # Rounds of fitting, each with a step that evens triangles out.
 _ROUNDS, _EVENING = 4, 0.5
 
@@ -44,24 +47,38 @@ def fitted_to_touches(
         touches: `(n, 3)` places of a toucher's centre.
 
     Returns:
-        The surface, and how deep touches lie under it on average. With few touches it is the given
-        one.
+        The surface, and how deep touches lie under it on average. It is the given one if there are
+        few touches, or if it would cross itself.
     """
     if len(touches) < _FEWEST:
         return mesh, 0.0
-    spacing = np.sqrt(mesh.area / len(touches))
-    least = _LEAST * float(np.linalg.norm(mesh.extents))
+    for coarser in _COARSER:
+        fine = _fitted(mesh, touches, coarser)
+        if first_self_intersection(np.asarray(fine.vertices), np.asarray(fine.faces)) is None:
+            break
+    else:
+        return mesh, 0.0
+    _, nearest = cKDTree(fine.vertices).query(touches)
+    off = touches - fine.vertices[nearest]
+    return fine, -float(np.einsum("ni,ni->n", off, fine.vertex_normals[nearest]).mean())
+
+
+def _fitted(mesh: "trimesh.Trimesh", touches: np.ndarray, coarser: float) -> "trimesh.Trimesh":
+    """The surface where touches begin, with triangles and windows larger by a factor."""
+    spacing = coarser * np.sqrt(mesh.area / len(touches))
+    least = coarser * _LEAST * float(np.linalg.norm(mesh.extents))
+    _, shared = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
     while np.median(mesh.edges_unique_length) > 1.5 * max(_EDGE * spacing, least):
-        mesh = mesh.subdivide()
+        # Smooth normals keep vertices apart on their way; a mesh that branches has none.
+        mesh = mesh.subdivide_loop(iterations=1) if shared.max() <= 2 else mesh.subdivide()
     nearby, window = cKDTree(touches), max(_WINDOW * spacing, least)
     for _ in range(_ROUNDS):
         vertices, normals = np.array(mesh.vertices), np.array(mesh.vertex_normals)
         above = _above(vertices, normals, nearby, window)
+        above = (above + _beside(mesh, above)) / 2
         moved = _evened(mesh, vertices + above[:, None] * normals, normals)
         mesh = lazy_trimesh.Trimesh(moved, mesh.faces, process=False)
-    _, nearest = cKDTree(mesh.vertices).query(touches)
-    off = touches - mesh.vertices[nearest]
-    return mesh, -float(np.einsum("ni,ni->n", off, mesh.vertex_normals[nearest]).mean())
+    return mesh
 
 
 def _above(vertices: np.ndarray, normals: np.ndarray, nearby: cKDTree, window: float) -> np.ndarray:
@@ -100,13 +117,18 @@ def _quantile(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 def _evened(mesh: "trimesh.Trimesh", vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Vertices, moved along the surface towards the middle of their neighbours; rims stay."""
-    ends = np.asarray(mesh.edges_unique)
-    count = np.bincount(ends.ravel(), minlength=len(vertices))
-    middle = np.zeros_like(vertices)
-    np.add.at(middle, ends[:, 0], vertices[ends[:, 1]])
-    np.add.at(middle, ends[:, 1], vertices[ends[:, 0]])
-    step = middle / np.maximum(count, 1)[:, None] - vertices
+    step = _beside(mesh, vertices) - vertices
     step -= np.einsum("vi,vi->v", step, normals)[:, None] * normals
     once = lazy_trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)
     step[np.unique(np.asarray(mesh.edges)[once])] = 0.0
     return vertices + _EVENING * step
+
+
+def _beside(mesh: "trimesh.Trimesh", values: np.ndarray) -> np.ndarray:
+    """`(V, ...)` means of values over the neighbours of each vertex."""
+    ends = np.asarray(mesh.edges_unique)
+    count = np.bincount(ends.ravel(), minlength=len(values)).clip(1)
+    total = np.zeros_like(values)
+    np.add.at(total, ends[:, 0], values[ends[:, 1]])
+    np.add.at(total, ends[:, 1], values[ends[:, 0]])
+    return (total.T / count).T

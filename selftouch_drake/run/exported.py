@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from selftouch_drake.export.experiment_text import (
     Worn,
     directives_text,
     experiment_text,
+    fitting_thickness,
     toucher_radius,
 )
 from selftouch_drake.export.field_reach import field_reach
@@ -21,9 +22,10 @@ from selftouch_drake.export.pure_joints import with_pure_joints
 from selftouch_drake.export.sdformat import sdformat_text
 from selftouch_drake.export.similar import similar_model
 from selftouch_drake.export.surface import (
+    PartSurface,
     part_surface,
     toucher_surface,
-    with_outward_normals,
+    with_receptors_on,
 )
 from selftouch_drake.export.tables import (
     JOINT_COLUMNS,
@@ -84,6 +86,7 @@ class Exported:
         experience: `(R, J)` readings, whose range becomes the limits.
         target: `(R,)` target sensation of each.
         parts: of the skin that are exported.
+        surfaces: of parts that have one.
         receptor_names: `(S,)`.
         unit: of the files.
         depth: as of `Known`; None if nobody knows it.
@@ -95,6 +98,7 @@ class Exported:
     experience: np.ndarray
     target: np.ndarray
     parts: Sequence[int]
+    surfaces: Mapping[int, PartSurface]
     receptor_names: Sequence[str]
     unit: Unit
     depth: float | None
@@ -107,17 +111,12 @@ class Exported:
 
     def surface(self, part: int) -> "trimesh.Trimesh | None":
         """The surface of a part, in the frame of its link; None if it has none."""
-        return part_surface(self.model, part, self.surface_depth, self.touches(part)[1])
+        found = self.surfaces.get(part)
+        return None if found is None else found.raised(self.surface_depth)
 
     def touches(self, part: int) -> tuple[np.ndarray, np.ndarray]:
-        """Readings of touches on a part that the model explains, as rows; and their places.
-
-        Returns:
-            `(n,)` rows of `experience`, and `(n, 3)` where the toucher's centre was in each.
-        """
-        of_part = self.model.kernel_part[self.target] == part
-        rows = np.flatnonzero(of_part & (self.model.kernel_toucher >= 0))
-        return rows, self.model.place(self.experience[rows], self.target[rows])
+        """Touches on a part; see `_touches`."""
+        return _touches(self.model, self.experience, self.target, part)
 
     def receptors(self, part: int) -> np.ndarray:
         """`(S, 3)` places of the receptors of a part; NaN for all others."""
@@ -158,7 +157,12 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
     target = np.repeat(np.arange(len(model.kernel_part)), np.diff(representation.kernel_offsets))
     seen = replace(model, part_link=_links_of(model, parts))
     pure = with_pure_joints(seen, representation.kernel_q, target)
-    found = with_outward_normals(pure.model, parts)
+    surfaces = {}
+    for part in parts:
+        _, touches = _touches(pure.model, representation.kernel_q, target, part)
+        if (surface := part_surface(pure.model, part, touches)) is not None:
+            surfaces[part] = surface
+    found = with_receptors_on(pure.model, surfaces)
     unit = _unit(
         found, names, known, depth=known.depth or 0.0, touches=(representation.kernel_q, target)
     )
@@ -168,8 +172,10 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
         *_told(known),
         *_moved_by(pure.shift / extent(model)),
     ]
+    similar: dict[str, Any] = {"metres": unit.metres, "mirrored": known.mirror}
     return Exported(
-        model=similar_model(found, metres=unit.metres, mirrored=known.mirror),
+        model=similar_model(found, **similar),
+        surfaces={part: surface.similar(**similar) for part, surface in surfaces.items()},
         slides=pure.slides,
         experience=representation.kernel_q,
         target=target,
@@ -179,6 +185,24 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
         depth=known.depth,
         comments=comments,
     )
+
+
+def _touches(
+    model: BodyModel, q: np.ndarray, target: np.ndarray, part: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Touches on a part that a model explains.
+
+    Args:
+        model: with places of kernels.
+        q: `(R, J)` readings.
+        target: `(R,)` target sensation of each.
+        part: of the skin.
+
+    Returns:
+        `(n,)` rows of `q`, and `(n, 3)` where the toucher's centre was in each.
+    """
+    rows = np.flatnonzero((model.kernel_part[target] == part) & (model.kernel_toucher >= 0))
+    return rows, model.place(q[rows], target[rows])
 
 
 def export_model(
@@ -352,15 +376,19 @@ def _write_experiment(
     touchers = [f"toucher_{number}" for number in range(len(found.model.toucher_link))]
     # Not the stem alone: the user may have an experiment of that name.
     directives, experiment = (Path(f"{stem}_experiment{end}") for end in (".dmd.yaml", ".yaml"))
-    write_text_whole(directives, directives_text(stem.name, file))
     felt = stored_sensations(run, load_representation(run))
     skins = {}
     for part, name in zip(found.parts, worn, strict=True):
         rows, touches = found.touches(part)
         receptors = found.receptors(part)
+        mesh, extents = f"{stem.name}_{name}.{MESHES[0]}", np.ptp(surfaces[name].vertices, axis=0)
+        thickness = fitting_thickness(stem.parent / mesh, extents)
+        if np.isnan(thickness):
+            return [f"no experiment is written: no skin fits under the surface of {name}"]
         skins[name] = Worn(
-            mesh=f"{stem.name}_{name}.{MESHES[0]}",
-            extents=np.ptp(surfaces[name].vertices, axis=0),
+            mesh=mesh,
+            extents=extents,
+            thickness=thickness,
             receptors=receptors[np.isfinite(receptors).all(axis=1)],
             reach=field_reach(receptors, touches, felt[rows]),
         )
@@ -370,5 +398,6 @@ def _write_experiment(
         skins,
         dict.fromkeys(touchers, toucher_radius(found.depth)),
     )
+    write_text_whole(directives, directives_text(stem.name, file))
     write_text_whole(experiment, text)
     return [f"experiment: {experiment}"]

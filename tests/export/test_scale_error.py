@@ -1,10 +1,10 @@
-"""The standard error of the scale holds: of many noisy copies of a body, 95 % lie within two."""
+"""The standard error of the scale holds: for many noisy copies of bodies."""
 
+import itertools
 import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.assemble import Found, assembled
@@ -16,13 +16,16 @@ from selftouch_drake.agent.body_model.standard_errors import covariance
 from selftouch_drake.agent.body_model.tree import Tree
 from selftouch_drake.agent.body_model.who_touched import started
 from selftouch_drake.evaluation.body_model import Similarity
+from selftouch_drake.export.surface import part_surface, with_receptors_on
 from selftouch_drake.export.unit import axes_apart, unit_from_joints, unit_from_receptors
 
 sys.path.append(str(Path(__file__).parents[1] / "agent" / "body_model"))
 
-from hand_made_chains import a_ball, an_arm, touches
+from hand_made_chains import a_ball, an_arm, nearest_of, touches
 
-COPIES, TOUCHES, KERNELS, RECEPTORS, JOINTS = 40, 600, 60, 40, 4
+COPIES, TOUCHES, KERNELS, RECEPTORS, JOINTS = 8, 1200, 60, 40, 5
+#: On where a touch is felt, in radii of the skin.
+NOISE = 0.02
 NAMES = [f"joint_{number}" for number in range(JOINTS)]
 
 
@@ -40,35 +43,40 @@ def found(twists, point, q, target, sensation):
     return assembled(body, joint_names=NAMES, num_rows=len(q), sensation=csr_array(sensation))
 
 
-@pytest.fixture(scope="module")
-def errors():
+def errors(body):
     """`(copies, 2)` of the scale in standard errors: by a distance of axes, and of receptors."""
-    twists, point = an_arm(joints=JOINTS)
-    q, target, y = touches(twists, point, number=COPIES * TOUCHES, kernels=KERNELS)
-    center, radius = a_ball(np.random.default_rng(0), twists, point)
+    twists, point = an_arm(seed=body, joints=JOINTS)
+    q, _, y = touches(twists, point, number=COPIES * TOUCHES, kernels=KERNELS)
+    _, radius = a_ball(np.random.default_rng(0), twists, point)
     receptor = y[:: len(y) // RECEPTORS][:RECEPTORS]
+    other = int(np.linalg.norm(receptor - receptor[0], axis=1).argmax())
+    pairs = itertools.combinations(range(JOINTS), 2)
+    joints = max(pairs, key=lambda pair: axes_apart(twists[list(pair)]))
     random, rows = np.random.default_rng(1), []
     for copy in range(COPIES):
         some = np.arange(copy, len(q), COPIES)
-        noisy = q[some] + 0.02 * random.standard_normal((len(some), JOINTS))
-        far = np.linalg.norm(y[some][:, None] - receptor, axis=2) / radius
-        model = found(twists, point, noisy, target[some], np.exp(-np.square(far / 0.5)))
-        place = model.place(noisy, target[some])
-        scale = Similarity.fitted(place, y[some]).scale
-        pair = np.argsort(-np.linalg.norm(receptor - receptor[0], axis=1))[0]
+        felt = y[some] + NOISE * radius * random.standard_normal((len(some), 3))
+        far = np.linalg.norm(felt[:, None] - receptor, axis=2) / radius
+        own, target = q[some], nearest_of(felt, KERNELS)
+        model = found(twists, point, own, target, np.exp(-np.square(far / 0.5)))
+        place = model.place(own, target)
+        model = with_receptors_on(model, {0: part_surface(model, 0, place)})
+        first, second = (NAMES[joint] for joint in joints)
         units = (
-            unit_from_joints(model, NAMES[1], NAMES[2], axes_apart(twists[1:3])),
+            unit_from_joints(model, first, second, axes_apart(twists[list(joints)])),
             unit_from_receptors(
-                model, list(map(str, range(RECEPTORS))), "0", str(pair),
-                float(np.linalg.norm(receptor[0] - receptor[pair])), touches=(noisy, target[some]),
+                model, list(map(str, range(RECEPTORS))), "0", str(other),
+                float(np.linalg.norm(receptor[0] - receptor[other])), touches=(own, target),
             ),
         )  # fmt: skip
+        scale = Similarity.fitted(place, y[some]).scale
         rows.append([(unit.metres - scale) / unit.sigma for unit in units])
     return np.array(rows)
 
 
-@pytest.mark.parametrize("way", [0, 1], ids=["length", "distance"])
-def test_the_truth_lies_within_two_standard_errors(errors, way):
-    assert np.mean(np.abs(errors[:, way]) < 2) >= 0.95
-    # It is no larger than it has to be.
-    assert np.sqrt(np.square(errors[:, way]).mean()) > 0.5
+def test_the_truth_lies_within_two_standard_errors():
+    apart = np.concatenate([errors(body) for body in (1, 2)])
+    # One of sixteen is 6 %.
+    assert (np.sum(np.abs(apart) > 2, axis=0) <= 1).all()
+    # They are no larger than they have to be.
+    assert (np.sqrt(np.square(apart).mean(axis=0)) > 0.5).all()
