@@ -368,10 +368,12 @@ def _write_experiment(
 
     That is metres, the depth of touchers, and closed surfaces.
     """
-    worn = [f"part_{part}" for part in found.parts]
-    closed = all(name in surfaces and surfaces[name].is_watertight for name in worn)
-    if not (found.unit.known and found.depth is not None and closed):
+    if not (found.unit.known and found.depth is not None):
         return []
+    worn = [f"part_{part}" for part in found.parts]
+    for name in worn:
+        if name not in surfaces or not surfaces[name].is_watertight:
+            return [f"no experiment is written: the surface of {name} is not closed"]
     file = next(file.name for file in files if file.with_suffix("") == stem)
     touchers = [f"toucher_{number}" for number in range(len(found.model.toucher_link))]
     # Not the stem alone: the user may have an experiment of that name.
