@@ -170,14 +170,15 @@ def print_export(run: RunDirectory, world: World, true: Touched, known: Known) -
     target = np.repeat(
         np.arange(representation.num_targets), np.diff(representation.kernel_offsets)
     )
-    found = exported_model(run, known)
+    found = exported_model(run, known, rejected=True)
     scale, places, surface = zip(*part_errors(found, world, true, q, target), strict=True)
     assert known.length is not None
     print(
         f"{run.path.name:>20} {100 * (1 / np.mean(scale) - 1):8.2f} "
         f"{100 * found.unit.sigma / found.unit.metres:8.2f} {1e3 * max(places):10.1f} "
         f"{1e3 * max(surface):10.1f}  {known.length[0]} to {known.length[1]}, "
-        f"{known.length[2]:.3g} m; depth {1e3 * (known.depth or 0.0):.1f} mm",
+        f"{known.length[2]:.3g} m; depth {1e3 * (known.depth or 0.0):.1f} mm"
+        f"{'' if found.model.accepted else '; rejected'}",
         flush=True,
     )
 
@@ -241,7 +242,7 @@ def held(run: RunDirectory, original: World, scales: Path, pairs: int) -> np.nda
 def print_again(run: RunDirectory, world: World, known: Known, folder: Path, pairs: int) -> None:
     """Exports a run, learns on the export, and prints what became of it."""
     file = folder / "again.urdf"
-    export_model(run, [file], known)
+    export_model(run, [file], known, rejected=True)
     again = learned_again(run, folder / "again_experiment.yaml")
     before, after = shape_scores(run), shape_scores(again)
     ratios = " ".join(f"{after[name] / before[name]:5.2f}" for name in SHAPE)

@@ -114,6 +114,7 @@ SMALL: dict[str, list[str]] = {
         "--runs={tmp}",
     ],
     "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
+    "accuracy/take_home": ["sphere", "--seeds=1", *FEW, "--pairs=1", "--runs={tmp}"],
     "cost/diagrams": ["--count", "1"],
     "accuracy/given_model": ["--seeds=1", "--out={tmp}/table.md"],
     "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],

@@ -59,7 +59,8 @@ def test_the_standard_error_of_the_scale_is_that_of_draws():
         drawn.append(
             unit_from_joints(with_axes(first, second), "neck", "left_shoulder", 0.4).metres
         )
-    assert unit.sigma == pytest.approx(np.std(drawn), rel=0.15)
+    # Covariances of fits are too sure by this factor.
+    assert unit.sigma == pytest.approx(1.4 * np.std(drawn), rel=0.15)
 
 
 def test_a_distance_is_that_of_two_receptors():
