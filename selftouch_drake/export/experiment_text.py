@@ -1,5 +1,6 @@
 """An exported robot as an experiment of ours: what was learned is a body to learn again."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from selftouch_drake.geometry.closing import SimplifiedWarning
 from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.receptors import usual_radius
 from selftouch_drake.geometry.surfaces import mesh_file
@@ -46,7 +48,9 @@ def fitting_thickness(file: Path, extents: np.ndarray) -> float:
         extents: `(3,)` m, of it.
     """
     try:
-        surface = mesh_file(file, resolution=resolution(extents))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimplifiedWarning)  # the experiment says it again
+            surface = mesh_file(file, resolution=resolution(extents))
     except ValueError:  # it crosses itself
         return np.nan
     for share in _THINNER:

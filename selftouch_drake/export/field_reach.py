@@ -10,7 +10,7 @@ _FEWEST = 10
 def field_reach(place: np.ndarray, touches: np.ndarray, felt: csr_array) -> float:
     """Radius of a typical field: where touches are spread evenly over a disc of it; NaN if unknown.
 
-    On a cube and a torus it is 1 and 4 % too small.
+    On a torus and a cube it was 1 and 4 % too small.
 
     Args:
         place: `(S, 3)` of receptors of one part; NaN for others.

@@ -119,8 +119,8 @@ def test_an_imported_run_keeps_the_names_of_its_taxels(tmp_path):
             csv.writer(file).writerows([[*at, *felt], [*at, *np.zeros(len(names))]])
     path = tmp_path / "run"
     done = selftouch(
-        "import", tmp_path / "touches.csv", "--q", "yaw..roll", "--sensation", "palm*", "--out", path,
-        "--set", "{representation: {num_targets: 50}}",
+        "import", tmp_path / "touches.csv", "--q", "yaw..roll", "--sensation", "palm*",
+        "--out", path, "--set", "{representation: {num_targets: 50}}",
     )  # fmt: skip
     assert done.status == 0, done.stderr
     run = RunDirectory.open(path)

@@ -124,6 +124,7 @@ def assembled(
     toucher[found.rows] = np.where(solution.share.sum(axis=1) > 0.5, nearest, -1)
     skin = _receptors(found, carried, normal, place, sensation)
     covariance = _covariance(found, motion)
+    variance = np.diag(covariance)[: twists.size]
     parts = range(num_parts)
     judged = [found.judgements.get(part) for part in parts]
     counts = np.bincount(scene.part[scene.target], minlength=num_parts)
@@ -131,7 +132,7 @@ def assembled(
         joint_names=tuple(joint_names),
         joint_parent=parent,
         twists=twists,
-        twist_sigma=np.sqrt(np.diag(covariance)[: twists.size]).reshape(twists.shape),
+        twist_sigma=np.sqrt(np.maximum(variance, 0.0)).reshape(twists.shape),
         covariance=covariance,
         joint_kind=found.kind,
         order_group=found.order_group,
