@@ -17,7 +17,9 @@ PARTS = {
     *("shared/babbled", "shared/raw_skin", "shared/results"),
 }
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
-MEASURE_NOTHING = {"make/drawings", "make/mutants", "make/notebooks", "make/pictures"}
+MEASURE_NOTHING = {
+    *("make/drawings", "make/mutants", "make/notebooks", "make/pictures", "make/taken_home"),
+}
 #: What they measure on is fetched by who runs them.
 ON_DATA_OF_OTHERS = {"others/babybench", "others/nao"}
 FEW = ("--touches=3000", "--targets=60")
