@@ -79,6 +79,7 @@ SMALL: dict[str, list[str]] = {
         "--targets=60",
         "--metrics=sensorimotor",
     ],
+    "accuracy/teaching": ["torus", "--seeds=1", "--touches=60"],
     "accuracy/trust": [
         "luck",
         "--out={tmp}",
@@ -115,6 +116,7 @@ SMALL: dict[str, list[str]] = {
         "--stored=400",
         "--runs={tmp}",
     ],
+    "accuracy/skin_faults": ["{run}", "--seeds=1", "--touches=1000"],
     "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
     "accuracy/take_home": ["sphere", "--seeds=1", *FEW, "--pairs=1", "--runs={tmp}"],
     "cost/diagrams": ["--count", "1"],
