@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind
+from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, independent
 
 TURNS, SLIDES, OPEN = JointKind.TURNS, JointKind.SLIDES, JointKind.OPEN
 
@@ -74,7 +74,9 @@ def made_up_model(num_kernels=120, seed=0, **changed) -> BodyModel:
         "dimension": 3,
         "seed": 0,
     }
-    return BodyModel(**known | changed)
+    known |= changed
+    errors = independent(known["twist_sigma"], len(known["toucher_place"]))
+    return BodyModel(**{"covariance": errors} | known)
 
 
 def readings(number, seed=1):

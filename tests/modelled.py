@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.model import BASE, BodyModel, JointKind
+from selftouch_drake.agent.body_model.model import BASE, BodyModel, JointKind, independent
 from selftouch_drake.evaluation.body_model import Similarity, true_axes
 
 _TURN = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
@@ -65,7 +65,9 @@ def true_model(world, representation, truth, unknown=UNKNOWN, **changed) -> Body
         "seed": 0,
     }
     assert (tree.owner[:num_skins] >= BASE).all()
-    return BodyModel(**known | changed)
+    known |= changed
+    errors = independent(known["twist_sigma"], len(known["toucher_place"]))
+    return BodyModel(**{"covariance": errors} | known)
 
 
 def found_by(monkeypatch, find):

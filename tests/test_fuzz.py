@@ -227,6 +227,7 @@ def chain_of_six(representation) -> BodyModel:
         part_link=np.array([-1]),
         toucher_link=np.array([5]),
         toucher_place=np.ones((1, 3)),
+        covariance=np.full((39, 39), np.nan),
         toucher_shape=np.zeros((1, 5)),
         accepted_by_part=np.array([True]),
     )

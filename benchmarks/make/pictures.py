@@ -5,9 +5,9 @@
     python benchmarks/make/pictures.py --check          # are they as the code would draw them now?
 
 `body_shape.png` and `plan_path.png` are figures of a torus' report, `moving.gif` its arm under
-dynamics, `live.png` the live page, `my_robot.png` the robot of the tutorial; pictures with the name
-of an experiment are of its report. The others are drawn from stored tables: see `drawings.py`. What
-has run already is not run again.
+dynamics, `live.png` the live page, `my_robot.png` the robot of the tutorial, `taken_home.png` an
+exported body in simulators; pictures with the name of an experiment are of its report. The others
+are drawn from stored tables: see `drawings.py`. What has run already is not run again.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ from selftouch_drake.systems import Babbler, MakeSelfTouchDiagram
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
 from benchmarks.make.drawings import DRAWINGS
+from benchmarks.make.taken_home import taken_home
 from benchmarks.shared.results import ROOT
 
 IMAGES = ROOT / "docs" / "images"
@@ -206,6 +207,7 @@ FROM_RUNS: dict[str, Callable[[Path], Figure]] = {
     "body_shape": functools.partial(figure, "body_shape", torus),
     "plan_path": functools.partial(figure, "plan_path", torus),
     "my_robot": functools.partial(figure, "body_shape", tutorial_robot),
+    "taken_home": taken_home,
     **{
         name: functools.partial(figure, "body_shape", functools.partial(shipped, name))
         for name in GALLERY
@@ -229,6 +231,8 @@ def digest(name: str) -> str:
     else:
         kinds = SYSTEMS if name == "diagram" else IN_MESHCAT if name == "live" else OF_A_RUN
         files += [Path(__file__), *(file for kind in kinds for file in package.glob(kind))]
+    if name == "taken_home":
+        files += [benchmarks / "make" / "taken_home.py", *package.glob("export/*.py")]
     contents = b"".join(content(file) for file in sorted({*files}))
     return hashlib.sha256(contents).hexdigest()[:16]
 

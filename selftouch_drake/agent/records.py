@@ -25,7 +25,7 @@ _KINDS = {
     **dict.fromkeys(("joint_parent", "joint_kind", "order_group"), WHOLE),
     **dict.fromkeys(("part_link", "toucher_link", "num_touches"), WHOLE),
     **dict.fromkeys(("kernel_part", "kernel_toucher", "receptor_part"), WHOLE),
-    **dict.fromkeys(("twists", "twist_sigma", "receptor_sigma"), REAL),
+    **dict.fromkeys(("twists", "twist_sigma", "covariance", "receptor_sigma"), REAL),
     **dict.fromkeys(("kernel_place", "kernel_normal"), REAL),
     **dict.fromkeys(("receptor_place", "receptor_normal"), REAL),
     **dict.fromkeys(("held_out", "inliers", "criterion"), REAL),

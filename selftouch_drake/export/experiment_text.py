@@ -1,10 +1,18 @@
 """An exported robot as an experiment of ours: what was learned is a body to learn again."""
 
+import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+
+from selftouch_drake.geometry.closing import SimplifiedWarning
+from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.receptors import usual_radius
+from selftouch_drake.geometry.surfaces import mesh_file
 
 #: Of the experiment: the folder of its own file.
 _HOME = "home"
@@ -14,6 +22,10 @@ _THICKNESS, _THICKNESS_SHARE = 0.03, 0.08
 _RESOLUTION_SHARE, _FINEST, _COARSEST = 0.07, 0.002, 0.03
 
 
+# Shares of the thickness that are tried until a skin fits.
+_THINNER = 1.0, 0.7, 0.5, 0.3
+# What experiments allow for the width of fields.
+_WIDTHS = 0.2, 3.0
 # m, as in other experiments: the size of a toucher whose centre sinks into the skin is not known.
 _RADIUS = 0.01
 
@@ -21,6 +33,33 @@ _RADIUS = 0.01
 def toucher_radius(depth: float) -> float:
     """m, of a toucher whose centre passes so deep under the surface; negative if outside."""
     return -depth if depth < 0 else _RADIUS
+
+
+def resolution(extents: np.ndarray) -> float:
+    """m, edge of the triangles of a skin with `(3,)` extents."""
+    return round(float(np.clip(_RESOLUTION_SHARE * extents.max(), _FINEST, _COARSEST)), 4)
+
+
+def fitting_thickness(file: Path, extents: np.ndarray) -> float:
+    """m, thickness of a skin that fits under the surface in a file; NaN if none does.
+
+    Args:
+        file: of a closed mesh.
+        extents: `(3,)` m, of it.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimplifiedWarning)  # the experiment says it again
+            surface = mesh_file(file, resolution=resolution(extents))
+    except ValueError:  # it crosses itself
+        return np.nan
+    for share in _THINNER:
+        most = share * min(_THICKNESS, float(_THICKNESS_SHARE * extents.min()))
+        try:
+            return hollow_skin(surface, round(most, 4)).thickness
+        except ValueError:
+            continue
+    return np.nan
 
 
 def directives_text(name: str, file: str) -> str:
@@ -34,10 +73,29 @@ def directives_text(name: str, file: str) -> str:
     return yaml.safe_dump({"directives": [{"add_model": model}]}, sort_keys=False)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Worn:
+    """A skin.
+
+    Attributes:
+        mesh: the file of its surface, in the experiment's folder.
+        extents: `(3,)` m, of the surface.
+        thickness: m, so much as fits under it.
+        receptors: `(S, 3)` m, its receptors that were met.
+        reach: m, how far a typical one feels; NaN if nobody knows.
+    """
+
+    mesh: str
+    extents: np.ndarray
+    thickness: float
+    receptors: np.ndarray
+    reach: float
+
+
 def experiment_text(
     directives: str,
     receptors: str,
-    worn: Mapping[str, tuple[str, np.ndarray]],
+    worn: Mapping[str, Worn],
     touchers: Mapping[str, float],
 ) -> str:
     """The experiment.
@@ -48,23 +106,25 @@ def experiment_text(
     Args:
         directives: name of the file of directives, in the experiment's folder.
         receptors: name of the table of receptors there.
-        worn: of links `part_K`, the file of the surface and its `(3,)` extents, m.
+        worn: skins of links `part_K`.
         touchers: radius of each, m, by its frame.
     """
     skins: dict[str, Any] = {}
-    for link, (mesh, extents) in worn.items():
-        resolution = np.clip(_RESOLUTION_SHARE * extents.max(), _FINEST, _COARSEST)
+    for link, skin in worn.items():
         skins[link] = {
             "link": link,
-            "surface": {"mesh": mesh, "resolution": round(float(resolution), 4)},
-            "thickness": round(min(_THICKNESS, float(_THICKNESS_SHARE * extents.min())), 4),
+            "surface": {"mesh": skin.mesh, "resolution": resolution(skin.extents)},
+            "thickness": skin.thickness,
             "receptors": {"file": receptors, "part": int(link.removeprefix("part_"))},
         }
+        if np.isfinite(skin.reach):
+            width = skin.reach / usual_radius(skin.receptors)
+            skins[link]["field_width"] = round(float(np.clip(width, *_WIDTHS)), 3)
     fields = {
         "robot": {
             "directives": directives,
             "packages": {_HOME: "."},
-            "collision_depth": max(skin["thickness"] for skin in skins.values()),
+            "collision_depth": max(each["thickness"] for each in skins.values()),
         },
         "skins": skins,
         "touching": {name: {"frame": name, "radius": radius} for name, radius in touchers.items()},

@@ -1,7 +1,7 @@
-"""The surface of a part of the skin as a triangle mesh, from the places of its kernels."""
+"""The surface of a part of the skin as a triangle mesh, and receptors on it."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.support import bulge
 from selftouch_drake.agent.shape.surface import fitted_surface
+from selftouch_drake.export.fine_surface import fitted_to_touches
 from selftouch_drake.lazy import trimesh as lazy_trimesh
 from selftouch_drake.quotient.holes import topology
 
@@ -20,17 +21,61 @@ if TYPE_CHECKING:
 _FEWEST = 12
 # Subdivisions of an icosahedron for a toucher: 320 triangles.
 _TOUCHER_DETAIL = 2
+# Vertices near a receptor, about which the nearest place of a surface is.
+_ABOUT = 4
 
 
-def part_surface(model: BodyModel, part: int, depth: float = 0.0) -> "trimesh.Trimesh | None":
-    """The surface through the kernels of a part, in the frame of its link; None if there is none.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartSurface:
+    """The surface of a part, in the frame of its link.
 
-    Closed if the skin encloses a void, else with a rim; faces look outward.
+    Attributes:
+        mesh: where the toucher's centre is when touches begin, or on average if that is unknown.
+        below: how deep under it the centre passes on average.
+    """
+
+    mesh: "trimesh.Trimesh"
+    below: float = 0.0
+
+    def raised(self, depth: float) -> "trimesh.Trimesh":
+        """The skin, if the toucher's centre passes so deep under it; negative if outside."""
+        vertices = self.mesh.vertices + (depth - self.below) * self.mesh.vertex_normals
+        return lazy_trimesh.Trimesh(vertices, self.mesh.faces, process=False)
+
+    def similar(self, *, metres: float = 1.0, mirrored: bool = False) -> "PartSurface":
+        """The same with all lengths multiplied, and mirrored in the plane x = 0 if asked."""
+        vertices = metres * self.mesh.vertices * [-1.0 if mirrored else 1.0, 1.0, 1.0]
+        faces = self.mesh.faces[:, ::-1] if mirrored else self.mesh.faces
+        mesh = lazy_trimesh.Trimesh(vertices, faces, process=False)
+        return PartSurface(mesh=mesh, below=metres * self.below)
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(n, 3)` where on average the centre passes nearest to places, and outward normals."""
+        mesh = self.raised(0.0)
+        about = cKDTree(mesh.vertices).query(places, min(_ABOUT, len(mesh.vertices)))[1]
+        faces = mesh.vertex_faces[about].reshape(len(places), -1)
+        num = faces.shape[1]
+        on = lazy_trimesh.triangles.closest_point(
+            mesh.triangles[faces.ravel()], np.repeat(places, num, axis=0)
+        ).reshape(len(places), num, 3)
+        # Vertices have fewer faces than there are columns.
+        far = np.where(faces < 0, np.inf, np.linalg.norm(on - places[:, None], axis=2))
+        each, best = np.arange(len(places)), far.argmin(axis=1)
+        return on[each, best], mesh.face_normals[faces[each, best]]
+
+
+def part_surface(
+    model: BodyModel, part: int, touches: np.ndarray | None = None
+) -> PartSurface | None:
+    """The surface of a part, in the frame of its link; None if there is none.
+
+    It goes through the kernels, or is as fine as touches tell, if these are given. It is closed if
+    the skin encloses a void, else it has a rim; faces look outward.
 
     Args:
         model: of whose unit all lengths are.
         part: of the skin.
-        depth: how deep under the surface the toucher's centre passes; negative if it stays outside.
+        touches: `(n, 3)` places of the toucher's centre on the part; NaN where unknown.
     """
     here = (model.kernel_part == part) & np.isfinite(model.kernel_place).all(axis=1)
     places, normals = model.kernel_place[here], model.kernel_normal[here]
@@ -50,28 +95,28 @@ def part_surface(model: BodyModel, part: int, depth: float = 0.0) -> "trimesh.Tr
     if not found.betti[2]:
         faces = _looking(places, faces, normals)
     mesh = lazy_trimesh.Trimesh(places, faces, process=False)
-    if depth:
-        mesh.vertices = places + depth * mesh.vertex_normals
-    return mesh
+    if touches is None:
+        return PartSurface(mesh=mesh)
+    fine, below = fitted_to_touches(mesh, touches[np.isfinite(touches).all(axis=1)])
+    return PartSurface(mesh=fine, below=below)
 
 
-def with_outward_normals(model: BodyModel, parts: Sequence[int]) -> BodyModel:
-    """The model with receptors' normals that look out of surfaces where these are closed.
+def with_receptors_on(model: BodyModel, surfaces: Mapping[int, PartSurface]) -> BodyModel:
+    """The model with receptors on surfaces, and normals that look out of them.
 
-    A closed surface knows its outside for sure; the agent guesses it from where touchers come.
+    The mean of the touches that a receptor feels lies below a curved skin. Which side is outside a
+    closed surface knows for sure, and the agent guesses it from where touchers come.
+
+    Args:
+        model: of whose unit surfaces are.
+        surfaces: of parts.
     """
-    normals = model.receptor_normal.copy()
-    for part in parts:
-        mesh = part_surface(model, part)
-        here = np.flatnonzero(
-            (model.receptor_part == part) & np.isfinite(model.receptor_normal).all(axis=1)
-        )
-        if mesh is None or not mesh.is_watertight or not len(here):
-            continue
-        _, nearest = cKDTree(mesh.vertices).query(model.receptor_place[here])
-        inward = np.einsum("ni,ni->n", mesh.vertex_normals[nearest], normals[here]) < 0
-        normals[here[inward]] *= -1
-    return replace(model, receptor_normal=normals)
+    places, normals = model.receptor_place.copy(), model.receptor_normal.copy()
+    for part, surface in surfaces.items():
+        here = np.flatnonzero((model.receptor_part == part) & np.isfinite(places).all(axis=1))
+        if len(here):
+            places[here], normals[here] = surface.nearest(places[here])
+    return replace(model, receptor_place=places, receptor_normal=normals)
 
 
 def toucher_surface(shape: np.ndarray, radius: float) -> "trimesh.Trimesh":

@@ -7,6 +7,7 @@ import numpy as np
 
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
 from selftouch_drake.experiment.errors import closest
+from selftouch_drake.export.place_slopes import place_slopes
 
 # cos of the angle up to which two axes count as parallel: ten degrees, as in the help.
 _PARALLEL = np.cos(np.radians(10.0))
@@ -16,6 +17,11 @@ _LEAST_ERRORS = 3.0
 _LEAST_SHARE = 1e-3
 # For derivatives by differences, relative to entries of a twist, which are near 1.
 _STEP = 1e-6
+# Covariances are too sure by so much: lengths of eight bodies that are made up were within two
+# standard errors in 87 % (`benchmarks/accuracy/standard_errors.py --seeds 0 1 2 3 4 5 6 7`).
+_TOO_SURE = 1.4
+# Touches about a receptor that tell how its place depends on the joints.
+_ABOUT = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +55,7 @@ def unit_from_joints(model: BodyModel, first: str, second: str, metres: float) -
     """The unit, from the distance between the axes of two joints where all joints read 0.
 
     If the axes are within ten degrees of parallel, it is the distance across their mean direction;
-    else the shortest one. Its standard error takes errors of twists as independent.
+    else the shortest one.
 
     Args:
         model: in its own unit.
@@ -64,9 +70,10 @@ def unit_from_joints(model: BodyModel, first: str, second: str, metres: float) -
     if first == second:
         raise ValueError(f"--length names joint {first} twice; name two joints")
     joints = [_turning_joint(model, name) for name in (first, second)]
-    twists, sigma = model.twists[joints], model.twist_sigma[joints]
-    apart = _axes_apart(twists)
-    error = _propagated(_axes_apart, twists, sigma)
+    twists = model.twists[joints]
+    own = np.ravel(6 * np.array(joints)[:, None] + np.arange(6))
+    apart = axes_apart(twists)
+    error = _propagated(axes_apart, twists, model.covariance[np.ix_(own, own)])
     if apart < max(_LEAST_SHARE * extent(model), _LEAST_ERRORS * np.nan_to_num(error)):
         raise ValueError(
             f"--length: the axes of {first} and {second} meet, or nearly so: they are {apart:.2g} "
@@ -81,7 +88,14 @@ def unit_from_joints(model: BodyModel, first: str, second: str, metres: float) -
 
 
 def unit_from_receptors(
-    model: BodyModel, names: Sequence[str], first: str, second: str, metres: float
+    model: BodyModel,
+    names: Sequence[str],
+    first: str,
+    second: str,
+    metres: float,
+    *,
+    depth: float = 0.0,
+    touches: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Unit:
     """The unit, from the distance in a straight line between two receptors on one link.
 
@@ -91,7 +105,10 @@ def unit_from_receptors(
             too.
         first: name of a receptor.
         second: name of another one.
-        metres: the true distance.
+        metres: the true distance, on the surface of the skin.
+        depth: m, how deep under that surface the model has the receptors.
+        touches: `(R, J)` readings and `(R,)` target sensations, by which the errors of joints count
+            too; None: only those of receptors do.
 
     Raises:
         ValueError: there is no such receptor, one was never met, they are on different links, or
@@ -107,17 +124,26 @@ def unit_from_receptors(
             f"--distance: receptors {first} and {second} are on different links, so their distance "
             "changes; name two on one link"
         )
-    apart = float(np.linalg.norm(np.subtract(*model.receptor_place[receptors])))
-    # The standard error of a place is that of three coordinates; one of them counts.
-    error = float(np.sqrt(np.square(model.receptor_sigma[receptors]).sum() / 3.0))
+    between = np.subtract(*model.receptor_place[receptors])
+    apart = float(np.linalg.norm(between))
+    # Of the surface above them.
+    outward = depth * np.nan_to_num(np.subtract(*model.receptor_normal[receptors]))
+    scale = _scale(between, outward, metres)
+    along = scale * between + outward
+    error = _error_between(model, receptors, along / np.linalg.norm(along), touches)
     if apart < max(_LEAST_SHARE * extent(model), _LEAST_ERRORS * np.nan_to_num(error)):
         raise ValueError(
             f"--distance: receptors {first} and {second} are {apart:.2g} ± {error:.1g} units apart,"
             " too near to give a scale; name two that are farther apart"
         )
+    if not scale > 0:
+        raise ValueError(
+            f"--distance: receptors {first} and {second} cannot be {metres:g} m apart if touchers "
+            f"pass {depth:g} m under the skin; give another --depth or two others"
+        )
     return Unit(
-        metres=metres / apart,
-        sigma=metres / apart * error / apart,
+        metres=scale,
+        sigma=scale * error / abs(float(between @ along)) * float(np.linalg.norm(along)),
         known=True,
         source=f"receptors {first} and {second} are {metres:g} m apart",
     )
@@ -169,7 +195,7 @@ def _met_receptor(model: BodyModel, names: Sequence[str], name: str) -> int:
     return found
 
 
-def _axes_apart(twists: np.ndarray) -> float:
+def axes_apart(twists: np.ndarray) -> float:
     """Distance between the axes of two `(2, 6)` turns."""
     w, v = twists[:, :3], twists[:, 3:]
     along = w / np.linalg.norm(w, axis=1, keepdims=True)
@@ -186,13 +212,54 @@ def _axes_apart(twists: np.ndarray) -> float:
 
 
 def _propagated(
-    measure: Callable[[np.ndarray], float], values: np.ndarray, sigma: np.ndarray
+    measure: Callable[[np.ndarray], float], values: np.ndarray, covariance: np.ndarray
 ) -> float:
-    """Standard error of a measure of values whose errors are independent; NaN if one is unknown."""
-    squares = []
-    for index in np.ndindex(values.shape):
+    """Standard error of a measure of values with a covariance; NaN if an error is unknown."""
+    slope = np.empty(values.size)
+    for number, index in enumerate(np.ndindex(values.shape)):
         step = np.zeros(values.shape)
         step[index] = _STEP
-        slope = (measure(values + step) - measure(values - step)) / (2 * _STEP)
-        squares.append((slope * float(sigma[index])) ** 2)
-    return float(np.sqrt(sum(squares)))
+        slope[number] = (measure(values + step) - measure(values - step)) / (2 * _STEP)
+    return _TOO_SURE * float(np.sqrt(slope @ covariance @ slope))
+
+
+def _scale(between: np.ndarray, outward: np.ndarray, metres: float) -> float:
+    """The scale s at which `|s between + outward|` is so many metres; NaN if there is none."""
+    square, mixed = float(between @ between), float(between @ outward)
+    rest = mixed**2 - square * (float(outward @ outward) - metres**2)
+    return (np.sqrt(rest) - mixed) / square if rest >= 0 else np.nan
+
+
+def _error_between(
+    model: BodyModel,
+    receptors: Sequence[int],
+    along: np.ndarray,
+    touches: tuple[np.ndarray, np.ndarray] | None,
+) -> float:
+    """Standard error of how far one receptor is from another, along a `(3,)` direction.
+
+    That of each place by chance, and that of the joints, by the touches about them.
+    """
+    # The standard error of a place is that of three coordinates; one of them counts.
+    square = float(np.square(model.receptor_sigma[receptors]).sum() / 3.0)
+    if touches is not None:
+        slope = np.subtract(*(_receptor_slope(model, receptor, *touches) for receptor in receptors))
+        joints = float(along @ slope @ np.nan_to_num(model.covariance) @ slope.T @ along)
+        square += _TOO_SURE**2 * joints
+    return float(np.sqrt(square))
+
+
+def _receptor_slope(
+    model: BodyModel, receptor: int, q: np.ndarray, target: np.ndarray
+) -> np.ndarray:
+    """`(3, 6 J + 3 U)` derivatives of a receptor's place, as a mean over the touches about it."""
+    part = int(model.receptor_part[receptor])
+    rows = np.flatnonzero((model.kernel_part[target] == part) & (model.kernel_toucher >= 0))
+    place = model.place(q[rows], target[rows])
+    far = np.nan_to_num(np.linalg.norm(place - model.receptor_place[receptor], axis=1), nan=np.inf)
+    near = rows[np.argsort(far)[:_ABOUT]]
+    slope = np.zeros((3, model.twists.size + model.toucher_place.size))
+    for toucher in np.unique(model.kernel_toucher[near]).tolist():
+        own = near[model.kernel_toucher[near] == toucher]
+        slope += place_slopes(model, q[own], part, toucher).sum(axis=0)
+    return slope / len(near)

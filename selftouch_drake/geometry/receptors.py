@@ -196,12 +196,11 @@ def placed_fields(
     Returns:
         The fields; and `(S,)` m, by how much each receptor was moved onto the surface.
     """
-    distance, _ = cKDTree(p_LS).query(p_LS, 1 + OVERLAP)
     if radius is None:
-        radius = np.full(len(p_LS), FIELD_MARGIN * np.median(distance[:, OVERLAP]))
+        radius = np.full(len(p_LS), usual_radius(p_LS))
     radius = width * radius
     typical = float(np.median(radius))
-    surface = _refined(surface, float(np.median(distance[:, 1])))
+    surface = _refined(surface, float(np.median(cKDTree(p_LS).query(p_LS, 2)[0][:, 1])))
     nearest = _nearest_vertices(surface, p_LS, normal, typical)
     weights = _round_fields(surface, nearest, radius)
     total = np.maximum(weights.sum(axis=1).A1, 1.0)
@@ -219,6 +218,12 @@ def placed_fields(
     to_surface = np.linalg.norm(p_LS - foot, axis=1)
     to_vertex = np.linalg.norm(p_LS - fields.p_LS, axis=1)
     return fields, np.minimum(to_surface, to_vertex)
+
+
+def usual_radius(p_LS: np.ndarray) -> float:
+    """m, radius of a field that reaches a little beyond the third nearest of `(S, 3)` receptors."""
+    distance, _ = cKDTree(p_LS).query(p_LS, 1 + OVERLAP)
+    return float(FIELD_MARGIN * np.median(distance[:, OVERLAP]))
 
 
 def _nearest_vertices(

@@ -38,7 +38,8 @@ _MODELS = "models.json"
 _LOCK = ".lock"
 # What a run has before its first touch; all of it is made again.
 _BEFORE_TOUCHES = frozenset(
-    {"experiment.yaml", _MODELS, "joints.json", "skin.npz", "calibration.npz", "cache"}
+    {"experiment.yaml", _MODELS, "joints.json", "receptors.json", "skin.npz", "calibration.npz"}
+    | {"cache"}
 )
 _HEADER = "# A run of selftouch_drake, format "
 
@@ -88,6 +89,9 @@ class RunDirectory:
         "body_model.npz", "What the agent found out about the mechanics of its body."
     )
     joints = Inside("joints.json", "The names of the joints, in the order of their readings.")
+    receptors = Inside(
+        "receptors.json", "The names of the receptors of an imported run, in the order of readings."
+    )
     rehearsal = Inside("rehearsal.npz", "What the agent remembers of its rehearsals.")
     trials = Inside("trials.npz", "The result of each random pair.")
     topology = Inside("topology.npz", "The persistence diagram of the recovered body.")
@@ -177,15 +181,26 @@ class RunDirectory:
             return list(imported.joints)
         if not self.joints.exists():
             return None
-        names = _read_json(self.joints)
-        if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-            raise RunError(f"{self.joints} is damaged; delete it, and the joints get numbers")
-        return names
+        return _read_names(self.joints, "the joints get numbers")
 
     def keep_joint_names(self, names: Sequence[str]) -> None:
         """Stores the names of the joints, unless they are known."""
         if self.experiment.imported is None and not self.joints.exists():
             write_text_whole(self.joints, json.dumps(list(names)) + "\n")
+
+    def receptor_names(self) -> list[str] | None:
+        """The names that a recording gives its receptors; None of other runs, and of older ones.
+
+        Raises:
+            RunError: the file that holds them is damaged.
+        """
+        if not self.receptors.exists():
+            return None
+        return _read_names(self.receptors, "the receptors get numbers")
+
+    def keep_receptor_names(self, names: Sequence[str]) -> None:
+        """Stores the names of the receptors."""
+        write_text_whole(self.receptors, json.dumps(list(names)) + "\n")
 
     def known_baseline(self) -> Baseline | None:
         """How raw readings become sensations, if the run knows."""
@@ -344,6 +359,18 @@ class RunDirectory:
         if str(arrays.get("made_for")) != str((stamp or self.stamp())["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
             raise RunError(f"{file} belongs to another experiment or version; {remedy}")
+
+
+def _read_names(file: Path, else_: str) -> list[str]:
+    """Names in a file.
+
+    Raises:
+        RunError: it is damaged; the text says what happens without it.
+    """
+    names = _read_json(file)
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise RunError(f"{file} is damaged; delete it, and {else_}")
+    return names
 
 
 def _read_json(file: Path) -> Any:

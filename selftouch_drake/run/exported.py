@@ -3,21 +3,29 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
-from selftouch_drake.export.experiment_text import directives_text, experiment_text, toucher_radius
+from selftouch_drake.export.experiment_text import (
+    Worn,
+    directives_text,
+    experiment_text,
+    fitting_thickness,
+    toucher_radius,
+)
+from selftouch_drake.export.field_reach import field_reach
 from selftouch_drake.export.link_tree import LinkTree, joint_limits, link_tree
 from selftouch_drake.export.mjcf import mjcf_text
 from selftouch_drake.export.pure_joints import with_pure_joints
 from selftouch_drake.export.sdformat import sdformat_text
 from selftouch_drake.export.similar import similar_model
 from selftouch_drake.export.surface import (
+    PartSurface,
     part_surface,
     toucher_surface,
-    with_outward_normals,
+    with_receptors_on,
 )
 from selftouch_drake.export.tables import (
     JOINT_COLUMNS,
@@ -29,7 +37,7 @@ from selftouch_drake.export.unit import Unit, extent, unit_from_joints, unit_fro
 from selftouch_drake.export.urdf import urdf_text
 from selftouch_drake.export.xml_text import MADE_UP
 from selftouch_drake.files import write_csv, write_text_whole, written_whole
-from selftouch_drake.run.artifacts import load_body_model, load_representation
+from selftouch_drake.run.artifacts import load_body_model, load_representation, stored_sensations
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.model_text import headline, is_off
 from selftouch_drake.run.receptor_map import receptor_names
@@ -76,7 +84,9 @@ class Exported:
         model: in the files' unit, with pure joints: `link_poses` are the poses of the links there.
         slides: `(J,)` bool, whether a joint slides.
         experience: `(R, J)` readings, whose range becomes the limits.
+        target: `(R,)` target sensation of each.
         parts: of the skin that are exported.
+        surfaces: of parts that have one.
         receptor_names: `(S,)`.
         unit: of the files.
         depth: as of `Known`; None if nobody knows it.
@@ -86,7 +96,9 @@ class Exported:
     model: BodyModel
     slides: np.ndarray
     experience: np.ndarray
+    target: np.ndarray
     parts: Sequence[int]
+    surfaces: Mapping[int, PartSurface]
     receptor_names: Sequence[str]
     unit: Unit
     depth: float | None
@@ -96,6 +108,20 @@ class Exported:
     def surface_depth(self) -> float:
         """How far above the centres of touchers surfaces lie; 0 if nobody knows it."""
         return self.depth or 0.0
+
+    def surface(self, part: int) -> "trimesh.Trimesh | None":
+        """The surface of a part, in the frame of its link; None if it has none."""
+        found = self.surfaces.get(part)
+        return None if found is None else found.raised(self.surface_depth)
+
+    def touches(self, part: int) -> tuple[np.ndarray, np.ndarray]:
+        """Touches on a part; see `_touches`."""
+        return _touches(self.model, self.experience, self.target, part)
+
+    def receptors(self, part: int) -> np.ndarray:
+        """`(S, 3)` places of the receptors of a part; NaN for all others."""
+        own = self.model.receptor_part == part
+        return np.where(own[:, None], self.model.receptor_place, np.nan)
 
     def tree(self, name: str, meshes: Mapping[str, tuple[str, np.ndarray]]) -> LinkTree:
         """Links and joints; arguments are as of `link_tree`."""
@@ -126,28 +152,57 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
     parts = _exported_parts(run, model, rejected)
     names = receptor_names(run, len(model.receptor_part))
     # Before anything slow: what the user gave may not fit.
-    unit = _unit(model, names, known)
+    _unit(model, names, known)
     representation = load_representation(run)
     target = np.repeat(np.arange(len(model.kernel_part)), np.diff(representation.kernel_offsets))
     seen = replace(model, part_link=_links_of(model, parts))
     pure = with_pure_joints(seen, representation.kernel_q, target)
+    surfaces = {}
+    for part in parts:
+        _, touches = _touches(pure.model, representation.kernel_q, target, part)
+        if (surface := part_surface(pure.model, part, touches)) is not None:
+            surfaces[part] = surface
+    found = with_receptors_on(pure.model, surfaces)
+    unit = _unit(
+        found, names, known, depth=known.depth or 0.0, touches=(representation.kernel_q, target)
+    )
     comments = [
         f"made by selftouch from the body model of {run.path.name}: {headline(model)}",
         unit.text(),
         *_told(known),
         *_moved_by(pure.shift / extent(model)),
     ]
-    similar = similar_model(pure.model, metres=unit.metres, mirrored=known.mirror)
+    similar: dict[str, Any] = {"metres": unit.metres, "mirrored": known.mirror}
     return Exported(
-        model=with_outward_normals(similar, parts),
+        model=similar_model(found, **similar),
+        surfaces={part: surface.similar(**similar) for part, surface in surfaces.items()},
         slides=pure.slides,
         experience=representation.kernel_q,
+        target=target,
         parts=parts,
         receptor_names=names,
         unit=unit,
         depth=known.depth,
         comments=comments,
     )
+
+
+def _touches(
+    model: BodyModel, q: np.ndarray, target: np.ndarray, part: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Touches on a part that a model explains.
+
+    Args:
+        model: with places of kernels.
+        q: `(R, J)` readings.
+        target: `(R,)` target sensation of each.
+        part: of the skin.
+
+    Returns:
+        `(n,)` rows of `q`, and `(n, 3)` where the toucher's centre was in each.
+    """
+    rows = np.flatnonzero((model.kernel_part[target] == part) & (model.kernel_toucher >= 0))
+    return rows, model.place(q[rows], target[rows])
 
 
 def export_model(
@@ -185,7 +240,7 @@ def export_model(
                 write_text_whole(file, text)
                 lines.append(f"body: {file}")
         lines += _write_tables(stem, found)
-        lines += _write_experiment(stem, found, surfaces, files)
+        lines += _write_experiment(run, stem, found, surfaces, files)
         lines += [f"surface: {stem}_{name}.obj (.stl, .ply)" for name in surfaces]
     without = [f"part_{part}" for part in found.parts if f"part_{part}" not in surfaces]
     if without:
@@ -223,13 +278,21 @@ def _links_of(model: BodyModel, parts: Sequence[int]) -> np.ndarray:
     return links
 
 
-def _unit(model: BodyModel, names: Sequence[str], known: Known) -> Unit:
+def _unit(
+    model: BodyModel,
+    names: Sequence[str],
+    known: Known,
+    *,
+    depth: float = 0.0,
+    touches: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Unit:
+    """The unit that a known length gives; `depth` and `touches` are as of `unit_from_receptors`."""
     if known.length is not None and known.distance is not None:
         raise ValueError("--length and --distance are both given; one known length is enough")
     if known.length is not None:
         return unit_from_joints(model, *known.length)
     if known.distance is not None:
-        return unit_from_receptors(model, names, *known.distance)
+        return unit_from_receptors(model, names, *known.distance, depth=depth, touches=touches)
     if known.depth is not None:
         raise ValueError(
             f"--depth is {known.depth:g} m, but no length of the body is known in metres; give "
@@ -263,7 +326,7 @@ def _surfaces(found: Exported) -> dict[str, "trimesh.Trimesh"]:
     """Meshes by the name of their link, in its frame; without parts that have none."""
     meshes = {}
     for part in found.parts:
-        mesh = part_surface(found.model, part, found.surface_depth)
+        mesh = found.surface(part)
         if mesh is not None:
             meshes[f"part_{part}"] = mesh
     if found.surface_depth < 0:  # outside, a ball of that radius touches
@@ -295,6 +358,7 @@ def _write_tables(stem: Path, found: Exported) -> list[str]:
 
 
 def _write_experiment(
+    run: RunDirectory,
     stem: Path,
     found: Exported,
     surfaces: Mapping[str, "trimesh.Trimesh"],
@@ -304,24 +368,38 @@ def _write_experiment(
 
     That is metres, the depth of touchers, and closed surfaces.
     """
-    worn = [f"part_{part}" for part in found.parts]
-    closed = all(name in surfaces and surfaces[name].is_watertight for name in worn)
-    if not (found.unit.known and found.depth is not None and closed):
+    if not (found.unit.known and found.depth is not None):
         return []
+    worn = [f"part_{part}" for part in found.parts]
+    for name in worn:
+        if name not in surfaces or not surfaces[name].is_watertight:
+            return [f"no experiment is written: the surface of {name} is not closed"]
     file = next(file.name for file in files if file.with_suffix("") == stem)
     touchers = [f"toucher_{number}" for number in range(len(found.model.toucher_link))]
     # Not the stem alone: the user may have an experiment of that name.
     directives, experiment = (Path(f"{stem}_experiment{end}") for end in (".dmd.yaml", ".yaml"))
-    write_text_whole(directives, directives_text(stem.name, file))
-    skins = {
-        name: (f"{stem.name}_{name}.{MESHES[0]}", np.ptp(surfaces[name].vertices, axis=0))
-        for name in worn
-    }
+    felt = stored_sensations(run, load_representation(run))
+    skins = {}
+    for part, name in zip(found.parts, worn, strict=True):
+        rows, touches = found.touches(part)
+        receptors = found.receptors(part)
+        mesh, extents = f"{stem.name}_{name}.{MESHES[0]}", np.ptp(surfaces[name].vertices, axis=0)
+        thickness = fitting_thickness(stem.parent / mesh, extents)
+        if np.isnan(thickness):
+            return [f"no experiment is written: no skin fits under the surface of {name}"]
+        skins[name] = Worn(
+            mesh=mesh,
+            extents=extents,
+            thickness=thickness,
+            receptors=receptors[np.isfinite(receptors).all(axis=1)],
+            reach=field_reach(receptors, touches, felt[rows]),
+        )
     text = experiment_text(
         directives.name,
         f"{stem.name}_receptors.csv",
         skins,
         dict.fromkeys(touchers, toucher_radius(found.depth)),
     )
+    write_text_whole(directives, directives_text(stem.name, file))
     write_text_whole(experiment, text)
     return [f"experiment: {experiment}"]

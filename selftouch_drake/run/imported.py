@@ -143,8 +143,9 @@ def imported_experiment(
 
 
 def store(run: RunDirectory, data: Data) -> None:
-    """Writes touches, baseline of the receptors, and where nothing was felt into the run."""
+    """Writes touches, names and baseline of the receptors, and where nothing was felt."""
     felt, baseline, last = data.felt, data.felt.baseline, 0
+    run.keep_receptor_names(data.recording.receptors)
     run.keep_baseline(baseline)
     save_arrays(run.free, free_rows(data, run.experiment.seed) | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()

@@ -48,7 +48,10 @@ def _evenly(num: int, most: int) -> np.ndarray:
 
 
 def receptor_names(run: RunDirectory, num: int) -> list[str]:
-    """Names of a run's receptors: the skin and the number on it, or the number alone."""
+    """Names of a run's receptors: as recorded, the skin and the number on it, or the number."""
+    recorded = run.receptor_names()
+    if recorded is not None and len(recorded) == num:
+        return recorded
     skins = run.experiment.skins
     if sum(skin.num_receptors for skin in skins.values()) != num:
         return [str(number) for number in range(num)]

@@ -17,7 +17,9 @@ PARTS = {
     *("shared/babbled", "shared/raw_skin", "shared/results"),
 }
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
-MEASURE_NOTHING = {"make/drawings", "make/mutants", "make/notebooks", "make/pictures"}
+MEASURE_NOTHING = {
+    *("make/drawings", "make/mutants", "make/notebooks", "make/pictures", "make/taken_home"),
+}
 #: What they measure on is fetched by who runs them.
 ON_DATA_OF_OTHERS = {"others/babybench", "others/nao"}
 FEW = ("--touches=3000", "--targets=60")
@@ -116,6 +118,7 @@ SMALL: dict[str, list[str]] = {
     ],
     "accuracy/skin_faults": ["{run}", "--seeds=1", "--touches=1000"],
     "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
+    "accuracy/take_home": ["sphere", "--seeds=1", *FEW, "--pairs=1", "--runs={tmp}"],
     "cost/diagrams": ["--count", "1"],
     "accuracy/given_model": ["--seeds=1", "--out={tmp}/table.md"],
     "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],

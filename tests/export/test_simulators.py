@@ -29,8 +29,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("export")
     meshes = {}
     for name, mesh in [
-        ("part_0", part_surface(MODEL, 0)),
-        ("part_1", part_surface(MODEL, 1)),
+        ("part_0", part_surface(MODEL, 0).mesh),
+        ("part_1", part_surface(MODEL, 1).mesh),
         ("toucher_0", toucher_surface(np.zeros(5), 0.1)),
         ("toucher_1", toucher_surface(MODEL.toucher_shape[1], 0.1)),
     ]:

@@ -39,6 +39,7 @@ def model():
         part_link=np.array([BASE, 4]),
         toucher_link=np.array([2]),
         toucher_place=np.zeros((1, 3)),
+        covariance=np.full((33, 33), np.nan),
         toucher_shape=np.zeros((1, 5)),
         accepted_by_part=np.array([True, False]),
         reason="Part 1 bends.",

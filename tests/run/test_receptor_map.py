@@ -10,6 +10,8 @@ from scipy.stats import spearmanr
 
 from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.agent.shape.receptor_map import map_receptors
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.receptor_map import receptor_names
 
 PITCH, FIELD = 1.0, 1.6
 
@@ -105,3 +107,29 @@ def test_errors_hold_what_a_plane_leaves_out():
     assert found.parts[0].flat
     off = np.linalg.norm(align(found.positions, bent) - bent, axis=1)
     assert np.mean(off < 2 * found.error) > 0.9
+
+
+def test_an_imported_run_keeps_the_names_of_its_taxels(tmp_path):
+    _, q, sensation = patch()
+    names = [f"palm{row}_t{column}" for row in range(4) for column in range(7)]
+    with (tmp_path / "touches.csv").open("w", newline="") as file:
+        csv.writer(file).writerow(["yaw", "pitch", "roll", *names])
+        for at, felt in zip(q, sensation, strict=True):
+            # A row at rest behind each touch.
+            csv.writer(file).writerows([[*at, *felt], [*at, *np.zeros(len(names))]])
+    path = tmp_path / "run"
+    done = selftouch(
+        "import", tmp_path / "touches.csv", "--q", "yaw..roll", "--sensation", "palm*",
+        "--out", path, "--set", "{representation: {num_targets: 50}}",
+    )  # fmt: skip
+    assert done.status == 0, done.stderr
+    run = RunDirectory.open(path)
+    assert run.receptor_names() == names
+    assert receptor_names(run, len(names)) == names
+    # Of an older run, or another number of readings.
+    assert receptor_names(run, 3) == ["0", "1", "2"]
+    run.receptors.write_text("{}")
+    with pytest.raises(RunError, match=r"receptors\.json is damaged; delete it, and the receptors"):
+        run.receptor_names()
+    run.receptors.unlink()
+    assert receptor_names(run, len(names))[:2] == ["0", "1"]

@@ -41,8 +41,8 @@ def test_the_export_is_found_again_and_its_plans_hold_on_the_original(tmp_path):
         if run == first:
             ran("model", run, "--urdf", file, *known)
     before, after = (json.loads((run / "metrics.json").read_text()) for run in (first, second))
-    error = "body_model_place_error_percent"
-    assert after[error] < 1.2 * before[error]
+    for error in ("body_model_place_error_percent", "surface_rms_fraction"):
+        assert after[error] < 1.2 * before[error]
     again, original = RunDirectory.open(second), World(load_experiment("cube"))
     with (tmp_path / "again_joints.csv").open() as opened:
         scales = {row["joint"]: row for row in csv.DictReader(opened)}
@@ -56,4 +56,4 @@ def test_the_export_is_found_again_and_its_plans_hold_on_the_original(tmp_path):
         ]
         held.append(original.probe.sensations(np.stack(readings, axis=1)).any(axis=1).mean())
     assert len(held) == 3
-    assert np.mean(held) > 0.9
+    assert np.mean(held) > 0.99

@@ -134,6 +134,9 @@ def test_every_command_works_one_after_another(folder, monkeypatch):
     assert [row["number"] for row in moved] == ["shift along x"]
     assert float(moved[0]["change"]) == pytest.approx(-0.01, abs=0.001)
     assert similar_error("arm_refitted.urdf") < 0.7 * similar_error("arm.urdf")
+    for file in ("mine_receptors.csv", "arm_refitted_receptors.csv"):
+        with (folder / file).open() as opened:
+            assert [row["name"] for row in csv.DictReader(opened)][:2] == ["taxel_0", "taxel_1"]
     (program,) = blocks(text, "python")
     exec(compile(program, PAGE.name, "exec"), {})
     names = mujoco.MjModel.from_xml_path("mine.urdf")

@@ -8,7 +8,13 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.judge import Judgement
 from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
-from selftouch_drake.agent.body_model.scene import Scene, Solution, solution_places
+from selftouch_drake.agent.body_model.refine import moved_by
+from selftouch_drake.agent.body_model.scene import (
+    Scene,
+    Solution,
+    kernel_sums,
+    solution_places,
+)
 from selftouch_drake.agent.body_model.sizes import outward_normals
 from selftouch_drake.agent.body_model.support import nearest_toucher, shape_moved
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
@@ -17,6 +23,8 @@ from selftouch_drake.agent.body_model.tree import Tree, for_readings
 _PRESSED = 0.5
 # A dimension of the space counts if places spread in it so many times more than kernels do.
 _SPREAD = 4.0
+# Touches by which errors of the size of the skin are measured, and the step of differences.
+_MEASURED, _STEP = 20_000, 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,6 +123,8 @@ def assembled(
     )
     toucher[found.rows] = np.where(solution.share.sum(axis=1) > 0.5, nearest, -1)
     skin = _receptors(found, carried, normal, place, sensation)
+    covariance = _covariance(found, motion)
+    variance = np.diag(covariance)[: twists.size]
     parts = range(num_parts)
     judged = [found.judgements.get(part) for part in parts]
     counts = np.bincount(scene.part[scene.target], minlength=num_parts)
@@ -122,7 +132,8 @@ def assembled(
         joint_names=tuple(joint_names),
         joint_parent=parent,
         twists=twists,
-        twist_sigma=_twist_sigma(found, motion),
+        twist_sigma=np.sqrt(np.maximum(variance, 0.0)).reshape(twists.shape),
+        covariance=covariance,
         joint_kind=found.kind,
         order_group=found.order_group,
         part_link=part_link,
@@ -181,26 +192,55 @@ def dimension(scene: Scene, solution: Solution) -> int:
     return max(spreads, default=0)
 
 
-def _twist_sigma(found: Found, motion: np.ndarray) -> np.ndarray:
-    """`(J, 6)` standard errors of the twists for raw readings, without the gauge."""
+def _covariance(found: Found, motion: np.ndarray) -> np.ndarray:
+    """`(6 J + 3 U, 6 J + 3 U)` as of `BodyModel`.
+
+    The fit leaves the unit of length open, and the model takes it from the places of kernels: so
+    what makes these places grow makes lengths shrink.
+    """
     solution, spread = found.solution, found.spread
-    known = np.flatnonzero(np.isfinite(np.diag(spread)))
-    of_twists = known[known < solution.twists.size]
-    base, _ = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
-    slope = np.zeros((base.size, len(of_twists)))
-    step = 1e-6
-    for column, entry in enumerate(of_twists):
-        changed = solution.twists.copy()
-        changed.ravel()[entry] += step
-        other, _ = for_readings(found.tree, changed, found.center, found.scale, motion)
-        slope[:, column] = (other - base).ravel() / step
-    variance = np.einsum("an,nm,am->a", slope, spread[np.ix_(of_twists, of_twists)], slope)
-    sigma = np.sqrt(np.maximum(variance, 0)).reshape(base.shape)
-    out = np.array([joint not in found.tree.parent for joint in range(len(base))])
-    sigma[out] = np.nan
-    slides = found.kind == JointKind.SLIDES
-    sigma[slides, :3] = 0.0
-    return sigma
+    rows = np.arange(len(found.scene.q))[:: 1 + len(found.scene.q) // _MEASURED]
+    scene, share = found.scene.some(rows), solution.share[rows]
+    base, size = _parameters(found, solution, motion), _log_size(scene, solution, share)
+    known = np.flatnonzero(np.isfinite(np.diag(spread))[: len(base)])
+    is_length = np.arange(len(base)) % 6 > 2
+    is_length[solution.twists.size :] = True
+    slope = np.empty((len(base), len(known)))
+    for column, entry in enumerate(known):
+        step = np.zeros(len(spread))
+        step[entry] = _STEP
+        moved = moved_by(solution, step)
+        grown = _log_size(scene, moved, share) - size
+        slope[:, column] = _parameters(found, moved, motion) - base - grown * is_length * base
+    slope /= _STEP
+    covariance = slope @ spread[np.ix_(known, known)] @ slope.T
+    out = [joint not in found.tree.parent for joint in range(len(solution.twists))]
+    lost = np.flatnonzero(np.concatenate([np.repeat(out, 6), np.zeros(3 * len(solution.points))]))
+    covariance[lost], covariance[:, lost] = np.nan, np.nan
+    slides = np.flatnonzero(found.kind == JointKind.SLIDES)
+    held = np.ravel(6 * slides[:, None] + np.arange(3))
+    covariance[held], covariance[:, held] = 0.0, 0.0
+    return covariance
+
+
+def _parameters(found: Found, solution: Solution, motion: np.ndarray) -> np.ndarray:
+    """`(6 J + 3 U,)` twists for raw readings, and the touchers' places in the frames of links."""
+    twists, carried = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
+    points = [
+        transformed(carried[found.tree.toucher[number]], point[None])[0]
+        for number, point in enumerate(solution.points)
+    ]
+    return np.concatenate([twists.ravel(), np.ravel(points)])
+
+
+def _log_size(scene: Scene, solution: Solution, share: np.ndarray) -> float:
+    """Logarithm of what `normalizing` makes 1, by `(n, U)` shares of the scene's touches."""
+    kept = np.flatnonzero(share.sum(axis=1) > 0.5)
+    Y = solution_places(scene, solution)[share[kept].argmax(axis=1), kept]
+    number = len(scene.part)
+    count = np.bincount(scene.target[kept], minlength=number)
+    place = kernel_sums(Y, scene.target[kept], number)[count > 0] / count[count > 0, None]
+    return float(0.5 * np.log(np.square(place - place.mean(axis=0)).sum(axis=1).mean()))
 
 
 def _receptors(

@@ -79,6 +79,8 @@ class BodyModel(Record):
         twists: `(J, 6)` w and v per unit of the joint's reading, in the frame of the whole body; 0
             for joints that are not used.
         twist_sigma: `(J, 6)` standard errors; NaN where open.
+        covariance: `(6 J + 3 U, 6 J + 3 U)` mean squared errors of the twists, and then of the
+            touchers' places, in the unit that the places of the kernels give; NaN likewise.
         joint_kind: `(J,)` values of `JointKind`.
         order_group: `(J,)` joints of the same number, 0 or more, may change places in the order,
             because their axes coincide or commute; -1 where the order is known.
@@ -117,6 +119,7 @@ class BodyModel(Record):
     joint_parent: np.ndarray
     twists: np.ndarray
     twist_sigma: np.ndarray
+    covariance: np.ndarray
     joint_kind: np.ndarray
     order_group: np.ndarray
     part_link: np.ndarray
@@ -147,12 +150,14 @@ class BodyModel(Record):
         num_joints, num_parts = len(self.joint_names), len(self.accepted_by_part)
         num_touchers, num_kernels = len(self.toucher_link), len(self.kernel_part)
         num_receptors = len(self.receptor_part)
+        num_errors = 6 * num_joints + 3 * num_touchers
         of_joints = ("joint_parent", "joint_kind", "order_group")
         of_parts = ("part_link", "held_out", "inliers", "criterion", "num_touches")
         self.check_arrays(
             {
                 **dict.fromkeys(of_joints, (num_joints,)),
                 **dict.fromkeys(("twists", "twist_sigma"), (num_joints, 6)),
+                "covariance": (num_errors, num_errors),
                 "accepted_by_part": (None,),
                 **dict.fromkeys(of_parts, (num_parts,)),
                 "toucher_link": (None,),
@@ -217,6 +222,10 @@ class BodyModel(Record):
         found = np.asarray(arrays.get("version", -1))
         if found.shape or found != VERSION:  # Before fields that this version may not have.
             raise VersionError(f"version is {found.tolist()}, expected {VERSION}")
+        if "covariance" not in arrays and {"twist_sigma", "toucher_place"} <= arrays.keys():
+            # Older files say nothing of how errors go together.
+            errors = independent(arrays["twist_sigma"], len(arrays["toucher_place"]))
+            arrays = {**arrays, "covariance": errors}
         # Without arguments, super() does not find the class of a dataclass with slots.
         return super(BodyModel, cls).from_arrays(arrays)
 
@@ -370,6 +379,11 @@ class BodyModel(Record):
         return q
 
 
+def independent(twist_sigma: np.ndarray, num_touchers: int) -> np.ndarray:
+    """`(6 J + 3 U, 6 J + 3 U)` covariance of `(J, 6)` errors that know nothing of each other."""
+    return np.diag(np.concatenate([np.square(twist_sigma).ravel(), np.zeros(3 * num_touchers)]))
+
+
 def rejected(
     reason: str,
     *,
@@ -400,6 +414,7 @@ def rejected(
         joint_parent=np.full(num_joints, UNUSED),
         twists=np.zeros((num_joints, 6)),
         twist_sigma=unknown(num_joints, 6),
+        covariance=unknown(6 * num_joints, 6 * num_joints),
         joint_kind=np.full(num_joints, int(JointKind.UNUSED)),
         order_group=np.full(num_joints, -1),
         part_link=np.full(num_parts, UNUSED),

@@ -11,6 +11,7 @@ from selftouch_drake.agent.body_model.model import (
     BodyModel,
     JointKind,
     VersionError,
+    independent,
     rejected,
 )
 from selftouch_drake.agent.body_model.support import SHAPE_BASIS, bulge
@@ -43,6 +44,7 @@ def laid(parent, twists, part_link, toucher_link, toucher_place, **changed):
         "toucher_link": np.array(toucher_link),
         "toucher_place": np.array(toucher_place, dtype=float),
         "toucher_shape": np.zeros((num_touchers, 5)),
+        "covariance": independent(np.full((len(parent), 6), np.nan), num_touchers),
         "accepted_by_part": np.ones(num_parts, dtype=bool),
     }
     return dataclasses.replace(blank, **known | changed)
