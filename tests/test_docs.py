@@ -134,10 +134,15 @@ def test_commands_that_make_a_run_work_one_after_another(tmp_path, monkeypatch):
 def folder(tmp_path_factory):
     """A folder with a small run of the cube, as after `selftouch run cube`, and a recording."""
     folder = tmp_path_factory.mktemp("docs")
-    small = {"babbling": {"num_samples": 2000}, "representation": {"metric": "sensorimotor"}}
+    small = {
+        "babbling": {"num_samples": 2000},
+        "representation": {"num_targets": 260, "metric": "sensorimotor"},
+    }
     run = str(folder / "runs" / "cube")
     changes = yaml.safe_dump(small)
-    cli.main(["babble", "cube", "--out", run, "--set", changes], standalone_mode=False)
+    cli.main(
+        ["babble", "cube", "--out", run, "--set", changes, "--workers", "1"], standalone_mode=False
+    )
     cli.main(["learn", run], standalone_mode=False)
     touches = ExperienceReader(folder / "runs" / "cube" / "experience")
     arrays = {name: touches.read(name) for name in ("q", "sensation")}

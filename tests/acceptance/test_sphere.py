@@ -6,6 +6,8 @@ from acceptance_runs import made, metrics_of, selftouch
 
 from selftouch_drake.experience.store import ExperienceReader
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):

@@ -121,6 +121,7 @@ def test_receptors_that_felt_less_often_are_new_too_and_touches_unlike_all_stay_
     assert np.array_equal(NewReceptors(silent_before, once).filled_in(before), before)
 
 
+@pytest.mark.slow
 def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(touches):
     # Place by place: the last places are not those that the agent learned from.
     _, place = cKDTree(touches.q[:150]).query(touches.q)
@@ -141,6 +142,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     assert displaced.surprise_left(others) < 0.8 * change.surprise_left(others)
 
 
+@pytest.mark.slow
 def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
     expectation, touches, unbent, monkeypatch
 ):
