@@ -346,6 +346,7 @@ def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     assert found == expected
 
 
+@pytest.mark.usefixtures("skins_are_made_anew")
 def test_a_plan_needs_nothing_that_is_kept(run, world):
     expected = stages.plan(run, 3, 20)
     kept = sorted(run.cache.iterdir())

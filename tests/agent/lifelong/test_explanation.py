@@ -12,11 +12,13 @@ from selftouch_drake.agent.lifelong.explanation import explain_change
 from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
 
 NUM_OLD = 6000
+#: Steps that train an expectation.
+NUM_STEPS = 1000
 
 
 @pytest.fixture(scope="module")
 def expectation(touches):
-    return Expectation(touches[:5000], num_steps=1600)
+    return Expectation(touches[:5000], num_steps=NUM_STEPS)
 
 
 def found(expectation, touches, change):
@@ -25,7 +27,7 @@ def found(expectation, touches, change):
     since = TouchSet(*change(new.q.copy(), new.sensation.copy()))
     since = since[since.sensation.any(axis=1)]
     before = touches[:NUM_OLD]
-    return explain_change(expectation, before[5000:], before, since, num_steps=1600)
+    return explain_change(expectation, before[5000:], before, since, num_steps=NUM_STEPS)
 
 
 def test_it_expects_what_it_feels(touches, expectation):
@@ -90,7 +92,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
     before = TouchSet(q, blind)[:NUM_OLD]
-    expectation = Expectation(before[:5000][some[:5000]], num_steps=1600)
+    expectation = Expectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
     usual = before[5000:][some[5000:NUM_OLD]]
     change = explain_change(expectation, usual, before, touches[NUM_OLD:])
     assert np.flatnonzero(change.new.receptors).tolist() == [7]
