@@ -79,6 +79,16 @@ def test_an_agent_learns_recovers_plans_and_remembers(agent):
         agent.memory = None
 
 
+def test_who_remembers_otherwise_shares_the_planner_which_is_built_when_one_plans(agent):
+    first = Agent.of(agent.representation)
+    wiser = first.recalling(first.memory.after(np.array([0])))
+    wisest = wiser.recalling(wiser.memory.after(np.array([1])))
+    for one in (first, wiser, wisest):
+        assert not {"planner", "imagination"} & vars(one).keys()
+    assert wisest.planner is first.planner is wiser.planner
+    assert wisest.imagination is None
+
+
 def test_planned_motions_stay_on_the_skin_and_feel_as_predicted(agent):
     for seed in range(6):
         start, goal = on_part(agent, seed % 2, 2, seed)
