@@ -35,6 +35,10 @@ API = {
         ("agent.representation.learning", "agent.representation.quotient")
         + ("agent.representation.graphs", "agent.representation.touches"),
     ),
+    "readings": (
+        "What is wrong with a skin",
+        ("agent.readings.receptor_faults", "agent.readings.skin_drift"),
+    ),
     "shape": (
         "What the agent recovers",
         ("agent.shape.recovery", "agent.shape.metrics"),
@@ -65,7 +69,10 @@ API = {
         + ("geometry.geodesics", "geometry.patches", "geometry.farthest"),
     ),
     "experiment": ("Experiments", ("experiment.loading", "experiment.schema")),
-    "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
+    "run": (
+        "Runs",
+        ("run.directory", "run.artifacts", "run.stages", "run.skin", "run.streams", "run.teaching"),
+    ),
     "evaluation": (
         "Scores against the truth",
         ("evaluation.coverage", "evaluation.parts", "evaluation.shape", "evaluation.body_model")
@@ -84,6 +91,9 @@ _OTHER_FILES = {
     "experiment.yaml": "The resolved experiment, every field spelled out.",
     "models.json": "SHA-256 of every file that decides the robot.",
     "metrics.json": "All metrics of the run: [metrics](metrics.md).",
+    "skin_faults.csv": "What is wrong with each receptor, by `selftouch skin RUN`; beside it a picture.",
+    "skin_drift.csv": "What changed in each receptor since an earlier run, by `selftouch skin EARLIER "
+    "RUN`; beside it a picture.",
     "plans/": "One file per plan, named by its target sensations, as in `3-250.npz`: the plan, the "
     "motion and, once it was executed, the execution.",
 }

@@ -10,7 +10,7 @@ import sys
 import click
 
 from selftouch_drake import __version__
-from selftouch_drake.cli import importing, look, make, model, plan
+from selftouch_drake.cli import importing, look, make, model, plan, skin, teach
 from selftouch_drake.cli.errors import exit_status
 
 __all__ = ["cli", "exit_status", "main"]
@@ -21,8 +21,10 @@ COMMANDS = (
     make.babble,
     importing.import_data,
     importing.map_receptors,
+    teach.teach,
     make.learn,
     model.model,
+    skin.skin,
     plan.plan,
     plan.execute,
     plan.record,
@@ -67,6 +69,7 @@ def cli(ctx: click.Context) -> None:
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
     selftouch model runs/cube                 its joints, as the agent found them
+    selftouch skin runs/cube                  which of its receptors are faulty
     selftouch play runs/cube                  watch it live in a browser
     selftouch robot two_arms                  its joints, skins, and what touches what
     selftouch body my_robot.py:MyRobot        try a body of your own

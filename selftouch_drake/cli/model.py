@@ -1,20 +1,16 @@
 """The command that shows the body model of a run, takes it home, or corrects a given one."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from selftouch_drake.cli.options import RUN, numbers
+from selftouch_drake.cli.tables import print_table
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.body_model.model import BodyModel
     from selftouch_drake.run.directory import RunDirectory
-
-
-# Columns of a table that goes into a file.
-_WIDE = 160
 
 
 @click.command()
@@ -185,7 +181,7 @@ def _correct(run: "RunDirectory", files: tuple[Path, ...], given: dict[str, Any]
         taxels=given["taxels"],
     )
     lines, rows = correct_model(run, start, files[0] if files else None)
-    _print_table(CHANGE_COLUMNS, rows)
+    print_table(CHANGE_COLUMNS, rows)
     for line in lines:
         click.echo(line)
 
@@ -204,18 +200,4 @@ def _print_model(found: "BodyModel") -> None:
         click.echo("\n" + "\n".join(text.tree))
         tables.insert(0, (JOINT_COLUMNS, text.joints))
     for columns, rows in tables:
-        _print_table(columns, rows)
-
-
-def _print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(markup=False, highlight=False)
-    if not console.is_terminal:  # in a file nothing is cut
-        console = Console(markup=False, highlight=False, width=_WIDE)
-    table = Table(*columns, box=SIMPLE_HEAD)
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
+        print_table(columns, rows)

@@ -77,6 +77,7 @@ SMALL: dict[str, list[str]] = {
         "--targets=60",
         "--metrics=sensorimotor",
     ],
+    "accuracy/teaching": ["torus", "--seeds=1", "--touches=60"],
     "accuracy/trust": [
         "luck",
         "--out={tmp}",
@@ -113,6 +114,7 @@ SMALL: dict[str, list[str]] = {
         "--stored=400",
         "--runs={tmp}",
     ],
+    "accuracy/skin_faults": ["{run}", "--seeds=1", "--touches=1000"],
     "accuracy/standard_errors": ["--seeds=0", "--touches=3000", "--kernels=100"],
     "cost/diagrams": ["--count", "1"],
     "accuracy/given_model": ["--seeds=1", "--out={tmp}/table.md"],

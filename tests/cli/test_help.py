@@ -14,7 +14,9 @@ def test_help_teaches():
     for verb in (
         "run",
         "babble",
+        "teach",
         "learn",
+        "skin",
         "plan",
         "execute",
         "evaluate",

@@ -210,30 +210,35 @@ def derivatives(
     return place, by_twist, by_point, by_q
 
 
+@inner
+def slope(q, twists, signs, point, points, known, place, by_q, turn):
+    """Fills in a row of `slopes`; `points` `(L + 1, 3)` and `known` `(L, 4)` are room to work."""
+    _passed(q, twists, signs, point, points, known)
+    place[0], place[1], place[2] = points[0, 0], points[0, 1], points[0, 2]
+    for axis in range(3):
+        g0, g1, g2 = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
+        for joint in range(len(twists)):
+            twist, t = twists[joint], signs[joint] * q[joint]
+            w0, w1, w2 = twist[0], twist[1], twist[2]
+            a1, a2 = known[joint, 0], known[joint, 1]
+            by_q[axis, joint] = _by_reading(twist, signs[joint], points[joint], g0, g1, g2)
+            # g is carried to the next joint.
+            d0, d1, d2 = g1 * w2 - g2 * w1, g2 * w0 - g0 * w2, g0 * w1 - g1 * w0
+            h0 = t * g0 + a1 * d0 + a2 * (d1 * w2 - d2 * w1)
+            h1 = t * g1 + a1 * d1 + a2 * (d2 * w0 - d0 * w2)
+            h2 = t * g2 + a1 * d2 + a2 * (d0 * w1 - d1 * w0)
+            g0 += h1 * w2 - h2 * w1
+            g1 += h2 * w0 - h0 * w2
+            g2 += h0 * w1 - h1 * w0
+        turn[axis, 0], turn[axis, 1], turn[axis, 2] = g0, g1, g2
+
+
 @compiled
 def _slopes(q, twists, signs, point, place, by_q, turn):
-    length = len(twists)
-    points = np.empty((length + 1, 3))
-    known = np.empty((length, 4))
+    points = np.empty((len(twists) + 1, 3))
+    known = np.empty((len(twists), 4))
     for i in range(len(q)):
-        _passed(q[i], twists, signs, point[i], points, known)
-        place[i, 0], place[i, 1], place[i, 2] = points[0, 0], points[0, 1], points[0, 2]
-        for axis in range(3):
-            g0, g1, g2 = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
-            for joint in range(length):
-                twist, t = twists[joint], signs[joint] * q[i, joint]
-                w0, w1, w2 = twist[0], twist[1], twist[2]
-                a1, a2 = known[joint, 0], known[joint, 1]
-                by_q[i, axis, joint] = _by_reading(twist, signs[joint], points[joint], g0, g1, g2)
-                # g is carried to the next joint.
-                d0, d1, d2 = g1 * w2 - g2 * w1, g2 * w0 - g0 * w2, g0 * w1 - g1 * w0
-                h0 = t * g0 + a1 * d0 + a2 * (d1 * w2 - d2 * w1)
-                h1 = t * g1 + a1 * d1 + a2 * (d2 * w0 - d0 * w2)
-                h2 = t * g2 + a1 * d2 + a2 * (d0 * w1 - d1 * w0)
-                g0 += h1 * w2 - h2 * w1
-                g1 += h2 * w0 - h0 * w2
-                g2 += h0 * w1 - h1 * w0
-            turn[i, axis, 0], turn[i, axis, 1], turn[i, axis, 2] = g0, g1, g2
+        slope(q[i], twists, signs, point[i], points, known, place[i], by_q[i], turn[i])
 
 
 def slopes(

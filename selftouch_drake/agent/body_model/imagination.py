@@ -8,6 +8,7 @@ on those parts alone where held-out touches agree with it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -30,16 +31,21 @@ from selftouch_drake.quotient.smooth import path_length, smooth_path
 _KNOTS, _BETWEEN = 50, 4
 # Knots at the start that do not count: a light touch becomes firm there.
 _BEGUN = 3
-# Postures of the goal from which motions are tried, and good ones of these that are enough.
-_GOALS, _ENOUGH = 10, 2
+# Postures of the goal from which motions are begun, the best of these that are made smooth, and
+# good ones that are enough.
+_GOALS, _TRIED, _ENOUGH = 10, 5, 2
 # Places at which a motion may end, and touches about each that tell what is felt there.
 _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
 # Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
-# they do by that much counts as so many mu longer.
-_MARGIN, _WORSE_DEEP = 0.1, 50.0
+# they come as near as the second is made smooth once more, so that they keep away.
+_MARGIN, _NEAR = 0.1, 0.2
+# Parts that are in each other deeper than ever by one distance of kernels count as so many mu.
+_WORSE_DEEP = 50.0
+# What is pressed beside the goal counts as so many mu.
+_WORSE_BESIDE = 5.0
 # Detours through the air that are tried: of so many past postures, those that lengthen them least;
 # and samples of each.
 _DETOURS, _PAST_POSTURES, _AIR_SAMPLES = 40, 2000, 40
@@ -62,6 +68,7 @@ class Leg:
             knots, or from its end, in distances of kernels; 0 in the air.
         deep: how much deeper than ever own parts are in each other on it, in distances of kernels;
             0 if they are not.
+        beside: whether something else is pressed at its end.
     """
 
     x: np.ndarray
@@ -69,17 +76,18 @@ class Leg:
     in_air: bool = False
     error: float = 0.0
     deep: float = 0.0
+    beside: bool = False
 
     @property
     def good(self) -> bool:
-        """Whether it keeps contact, and own parts apart, as far as the agent can imagine."""
-        return self.error <= _MISSED and self.deep <= 0.0
+        """Whether it keeps contact, own parts apart and feels its goal, as the agent imagines."""
+        return self.error <= _MISSED and self.deep <= 0.0 and not self.beside
 
     @property
     def cost(self) -> float:
         """Length of the motion in mu, and more where it may lose contact or run into own parts."""
-        missed = max(0.0, self.error - _MISSED)
-        return path_length(self.x)[-1] + _WORSE * missed + _WORSE_DEEP * self.deep
+        worse = _WORSE_DEEP * self.deep + _WORSE_BESIDE * self.beside
+        return _cost(self.x, self.error) + worse
 
 
 class Imagination:
@@ -278,28 +286,44 @@ class Imagination:
         if place is None:
             return None
         way = skin.over(place)
-        goals = np.repeat(x[None], len(ends), axis=0)
-        goals[:, joints] = self._x(surface.row[ends])[:, joints]
-        nearest = np.argsort(np.linalg.norm(goals - x, axis=1), kind="stable")[:_GOALS]
-        rough = np.concatenate([skin.blended(x, goals[nearest], way), skin.followed(x, way)[None]])
-        order = np.argsort([self._leg(skin, one, way, goal).cost for one in rough])
-        found = list[Leg]()
-        for number in order:
-            smooth = self._leg(skin, skin.smoothed(rough[number], way), way, goal)
-            found.append(replace(smooth, deep=self._deep(smooth.x)))
-            if sum(leg.good for leg in found) >= _ENOUGH:
-                break
+        lived = self._x(surface.row[ends])
+        near = lived.copy()
+        near[:, np.delete(np.arange(len(x)), joints)] = np.delete(x, joints)
+        near = near[np.argsort(np.linalg.norm(near - x, axis=1), kind="stable")[:_GOALS]]
+        lived = lived[np.argsort(np.linalg.norm(lived - x, axis=1), kind="stable")[:_GOALS]]
+        rough = [*skin.blended(x, near, way), skin.followed(x, way)]
+        found = self._best_smooth(skin, rough, way, goal)
+        if found[0].beside:
+            # Something else is felt beside the goal: all joints go where they were when it was not.
+            found += self._best_smooth(skin, list(skin.blended(x, lived, way)), way, goal)
         best = min(found, key=lambda leg: leg.cost)
         if not best.good:
-            about = self._round_about(skin, x, goals[nearest], goal)
+            about = self._round_about(skin, x, near, goal)
             if about is not None and about.cost < best.cost:
                 return about
         return best
 
+    def _best_smooth(
+        self, skin: Lifter, rough: Sequence[np.ndarray], way: SkinWay, goal: int
+    ) -> list[Leg]:
+        """Some rough motions made smooth, the best first."""
+        order = np.argsort([_cost(one, _missed(skin, one, way)) for one in rough])
+        found = list[Leg]()
+        for number in order[:_TRIED]:
+            found.append(self._smooth(skin, rough[number], way, goal))
+            if sum(leg.good for leg in found) >= _ENOUGH:
+                break
+        return sorted(found, key=lambda leg: leg.cost)
+
     def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
         """A motion through firm touches, where the straight way asks too much of the joints."""
         surface, joints = skin.surface, skin.reach.joints
-        passed = self._roadmap(surface).way(x, goals)
+        most = self._most_deep(x)
+
+        def too_deep(x: np.ndarray) -> np.ndarray:
+            return self._excess(x) > most
+
+        passed = self._roadmap(surface).way(x, goals, too_deep)
         if passed is None:
             return None
         place = surface.projected(skin.centres(passed))[0]
@@ -312,27 +336,37 @@ class Imagination:
         rough = np.repeat(x[None], len(keys), axis=0)
         rough[1:, joints] = keys[1:, 3:]
         rough[1:] = skin.put(rough[1:], way.place[1:], way.normal[1:])
-        smooth = self._leg(skin, skin.smoothed(rough, way), way, goal)
-        return replace(smooth, deep=self._deep(smooth.x))
+        return self._smooth(skin, rough, way, goal)
+
+    def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
+        """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
+        x = skin.smoothed(rough, way)
+        if self._excess(x).max() > -_NEAR:
+            x = skin.smoothed(x, way, self.own_parts)
+        beside = any(
+            self._lifter(other).presses(x[-1])
+            for other in self.surfaces
+            if (other.reach.part, other.reach.toucher) != (skin.reach.part, skin.reach.toucher)
+        )
+        return replace(self._leg(skin, x, way, goal), deep=self._deep(x), beside=beside)
 
     def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A motion over the skin with what is felt on it, and how well it keeps to its way."""
-        # Between knots as well: a wrist that turns over there leaves the skin.
-        place, normal = dense(way.place), dense(way.normal)
-        at = skin.places(dense(x), normal)[0]
-        across = np.abs(np.einsum("ta,ta->t", at - place, normal))[_BEGUN * _BETWEEN :]
-        error = max(float(across.max()), float(np.linalg.norm(at[-1] - place[-1])))
-        node = skin.surface.kernel_at(at[::_BETWEEN])
+        node = skin.surface.kernel_at(skin.centres(x))
         node[-1] = goal
-        return Leg(x=x, node=node, error=error / skin.surface.spacing)
+        return Leg(x=x, node=node, error=_missed(skin, x, way))
 
     def _deep(self, x: np.ndarray) -> float:
-        """How much deeper than ever own parts are in each other in scaled postures `(n, J)`.
+        """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
+        return max(0.0, float(self._excess(x).max()) - self._most_deep(x[0]))
 
-        What the first posture cannot help does not count.
-        """
-        excess = self.own_parts.excess(x / self.representation.joint_scale)
-        return max(0.0, float(excess.max()) - max(float(excess[0]), -_MARGIN))
+    def _most_deep(self, x: np.ndarray) -> float:
+        """How deep own parts may be on a motion: as in its first posture, which is given."""
+        return max(float(self._excess(x[None])[0]), -_MARGIN)
+
+    def _excess(self, x: np.ndarray) -> np.ndarray:
+        """As of `OwnParts.excess`, in scaled postures `(n, J)`."""
+        return self.own_parts.excess(x / self.representation.joint_scale)
 
     def _lifter(self, surface: TouchedSurface) -> Lifter:
         """The lifter of a surface within the range of experience."""
@@ -409,13 +443,34 @@ class Imagination:
         )
 
 
+def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> float:
+    """How far a motion `(T, J)` is from its way, as `Leg.error` says."""
+    # Between knots as well: a wrist that turns over there leaves the skin.
+    place, normal = dense(way.place), dense(way.normal)
+    at = skin.places(dense(x), normal)[0]
+    across = np.abs(np.einsum("ta,ta->t", at - place, normal))[_BEGUN * _BETWEEN :]
+    end = np.linalg.norm(at[-1] - place[-1])
+    return max(float(across.max()), float(end)) / skin.surface.spacing
+
+
+def _cost(x: np.ndarray, error: float) -> float:
+    """Length of a motion in mu, and more where it may lose contact."""
+    return float(path_length(x)[-1]) + _WORSE * max(0.0, error - _MISSED)
+
+
 def dense(knots: np.ndarray) -> np.ndarray:
     """`(n, D)` samples of the smooth curve through `(T, D)` knots, `_BETWEEN` for each step."""
-    number = np.arange(len(knots), dtype=float)
-    at = np.linspace(0.0, number[-1], _BETWEEN * (len(knots) - 1) + 1)
-    samples = CubicSpline(number, knots)(at)
+    samples = _between(len(knots)) @ knots
     samples[::_BETWEEN] = knots
     return samples
+
+
+@lru_cache(maxsize=64)
+def _between(num: int) -> np.ndarray:
+    """`(n, T)` how much each of so many knots counts for each sample of the curve through them."""
+    number = np.arange(num, dtype=float)
+    at = np.linspace(0.0, number[-1], _BETWEEN * (num - 1) + 1)
+    return CubicSpline(number, np.eye(num))(at)
 
 
 def _hold_still(skin: Lifter, other: Lifter) -> bool:

@@ -1,10 +1,12 @@
 """From a way over the skin to a motion of the joints: inverse kinematics, smooth as a whole."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from selftouch_drake.agent.body_model.own_parts import OwnParts
 from selftouch_drake.agent.body_model.reach import Reach
 from selftouch_drake.agent.body_model.surface import TouchedSurface
 
@@ -12,10 +14,10 @@ from selftouch_drake.agent.body_model.surface import TouchedSurface
 _ACROSS, _ALONG = 0.05, 0.2
 # A posture touches the skin if its toucher is nearer to it than this, in distances of kernels.
 _NEAR = 1.5
-# Steps of damped least squares that put a posture onto its place, each at most so long, mu.
-_PUT, _LONGEST = 8, 0.6
-# Share of the joints' squared reach by which these steps are damped.
-_DAMPED = 1e-3
+# It presses the skin if it is no higher above firm touches than this, likewise.
+_HIGH = 0.3
+# Steps of damped least squares that put a posture onto its place.
+_PUT = 8
 # Steps of Gauss-Newton over the whole motion, each at most so long, mu.
 _SMOOTHED, _MOST = 15, 0.5
 # A step that does not pay is halved so often; when one gains less than this share, the motion is
@@ -24,6 +26,8 @@ _HALVED, _GAIN = 4, 0.01
 # Weights of squared speed and of squared acceleration, per knot and mu, beside squared errors of
 # the place in their tolerances.
 _SPEED, _ACCELERATION = 1.0, 20.0
+# Own parts keep this from their limits, in distances of kernels, with this tolerance.
+_MARGIN, _APART = 0.2, 0.1
 # The end is held more tightly than the way, by this factor, for so many knots.
 _TIGHT, _END = 2.0, 3
 
@@ -93,6 +97,13 @@ class Lifter:
         far = self.surface.nodes.query(self.centres(x[None]))[0][0]
         return bool(far < _NEAR * self.surface.spacing)
 
+    def presses(self, x: np.ndarray) -> bool:
+        """Whether the toucher is as deep as in touches, in a posture `(J,)`."""
+        at = self.centres(x[None])
+        on_it, normal = self.surface.projected(at)
+        above = float((at - on_it)[0] @ normal[0])
+        return self.touches(x) and above < _HIGH * self.surface.spacing
+
     def places(self, x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""
         place, by_q = self.reach.places(x / self.scale, normal)
@@ -108,23 +119,10 @@ class Lifter:
     def put(
         self, x: np.ndarray, place: np.ndarray, normal: np.ndarray, *, steps: int = _PUT
     ) -> np.ndarray:
-        """`(n, J)` postures near `(n, J)` x with the toucher at `(n, 3)` places, if it gets there.
-
-        Each goes the shortest way, and stays within the limits.
-        """
-        x, joints = x.copy(), self.reach.joints
-        lower, upper = self.lower[joints], self.upper[joints]
-        for _ in range(steps):
-            at, by_x = self.places(x, normal)
-            square = np.einsum("nal,nbl->nab", by_x, by_x)
-            damping = _DAMPED * np.einsum("naa->n", square)
-            square += damping[:, None, None] * np.eye(3)
-            pull = np.linalg.solve(square, (place - at)[:, :, None])[:, :, 0]
-            step = np.einsum("nal,na->nl", by_x, pull)
-            size = np.linalg.norm(step, axis=1, keepdims=True)
-            step *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-12))
-            x[:, joints] = np.clip(x[:, joints] + step, lower, upper)
-        return x
+        """As `Reach.put`, at `(n, J)` x."""
+        limits = self.lower / self.scale, self.upper / self.scale
+        q = self.reach.put(x / self.scale, place, normal, limits, scale=self.scale, steps=steps)
+        return q * self.scale
 
     def blended(self, x_start: np.ndarray, x_goal: np.ndarray, way: SkinWay) -> np.ndarray:
         """`(n, T, J)` motions from one posture to n others, each put onto the way.
@@ -153,40 +151,53 @@ class Lifter:
             x.append(self.put(x[-1][None], place[None], normal[None], steps=3)[0])
         return np.array(x)
 
-    def smoothed(self, x: np.ndarray, way: SkinWay) -> np.ndarray:
+    def smoothed(
+        self, x: np.ndarray, way: SkinWay, own_parts: OwnParts | None = None
+    ) -> np.ndarray:
         """`(T, J)` a motion like `(T, J)` x, as smooth and short as tolerances allow.
 
         The first posture stays.
+
+        Args:
+            x: the motion.
+            way: over the skin.
+            own_parts: they are driven apart where they are too near to their limits.
         """
         x, joints = x.copy(), self.reach.joints
         num, length = len(x), len(joints)
         lower, upper = self.lower[joints], self.upper[joints]
-        root = way.weight()
-        speed = np.diff(np.eye(num), axis=0)
-        bend = np.diff(np.eye(num), 2, axis=0)
-        rough = _SPEED * speed.T @ speed + _ACCELERATION * bend.T @ bend
+        root, rough = way.weight(), _roughness(num)
         bands = np.zeros((3 * length, num * length))
         for off in range(3):
             bands[off * length] = np.pad(np.repeat(np.diag(rough, -off), length), (0, off * length))
 
         def state(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+            """The cost, half of its derivatives `(T, L)`, and their own, but for roughness."""
             at, by_x = self.places(x, way.normal)
             error = np.einsum("tab,tb->ta", root, at - way.place)
-            own = x[:, joints]
-            return float(np.sum(error**2) + np.sum(own * (rough @ own))), error, by_x
-
-        cost, error, by_x = state(x)
-        for _ in range(_SMOOTHED):
             slope = np.einsum("tab,tbl->tal", root, by_x)
-            right = rough @ x[:, joints] + np.einsum("tal,ta->tl", slope, error)
+            own = x[:, joints]
+            pull = rough @ own
+            cost = float(np.sum(error**2) + np.sum(own * pull))
+            pull += np.einsum("tal,ta->tl", slope, error)
             square = np.einsum("tal,tam->tlm", slope, slope)
+            if own_parts is not None:
+                apart, by_q, by_qs = own_parts.pushes(x / self.scale, _MARGIN)
+                scale = self.scale[joints]
+                cost += float(apart.sum()) / _APART**2
+                pull += by_q[:, joints] / scale / _APART**2
+                square += by_qs[:, joints][:, :, joints] / np.outer(scale, scale) / _APART**2
+            return cost, pull, square
+
+        cost, pull, square = state(x)
+        for _ in range(_SMOOTHED):
             system = bands.copy()
             for off in range(length):
                 diagonal = np.zeros((num, length))
                 diagonal[:, : length - off] = np.diagonal(square, off, 1, 2)
                 system[off] += diagonal.ravel()
             # The first posture is given: its columns leave the system.
-            step = -solveh_banded(system[:, length:], right[1:].ravel(), lower=True)
+            step = -solveh_banded(system[:, length:], pull[1:].ravel(), lower=True)
             step = step.reshape(num - 1, length)
             step *= min(1.0, _MOST / max(np.abs(step).max(), 1e-12))
             for _ in range(_HALVED):
@@ -199,7 +210,15 @@ class Lifter:
             else:
                 break
             gained = cost - found[0]
-            x, (cost, error, by_x) = trial, found
+            x, (cost, pull, square) = trial, found
             if gained < _GAIN * cost:
                 break
         return x
+
+
+@lru_cache(maxsize=8)
+def _roughness(num: int) -> np.ndarray:
+    """`(T, T)` what squared speed and acceleration of so many knots make of them."""
+    speed = np.diff(np.eye(num), axis=0)
+    bend = np.diff(np.eye(num), 2, axis=0)
+    return _SPEED * speed.T @ speed + _ACCELERATION * bend.T @ bend

@@ -12,13 +12,14 @@ from typing import Self
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.chain import exponentials
 from selftouch_drake.agent.body_model.support import (
     beside,
     blended_normals,
     bulge,
     nearest_toucher,
 )
-from selftouch_drake.agent.body_model.twists import chained, exponential, transformed, transposed
+from selftouch_drake.agent.body_model.twists import chained, transformed, transposed
 from selftouch_drake.agent.records import Record
 
 #: Of the arrays of a model; a file of another version is refused.
@@ -249,9 +250,9 @@ class BodyModel(Record):
         q = self._checked_q(q)
         poses = np.full((len(q), len(self.joint_names) + 1, 4, 4), np.nan)
         poses[:, BASE] = np.eye(4)
+        own = exponentials(q[:, :, None] * self.twists).reshape(*q.shape, 4, 4)
         for joint in self._parents_first():
-            own = exponential(self.twists[joint], q[:, joint])
-            poses[:, joint] = poses[:, self.joint_parent[joint]] @ own
+            poses[:, joint] = poses[:, self.joint_parent[joint]] @ own[:, joint]
         return poses
 
     def place(self, q: np.ndarray, target: np.ndarray) -> np.ndarray:

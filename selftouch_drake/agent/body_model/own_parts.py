@@ -6,15 +6,16 @@ possible: parts may be as deep in each other as they have been, at that place of
 no skin and touches nothing is not known here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.body_model.depths import Meetings, exceed, push, raise_limits
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.surface import TouchedSurface
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.compiled import compiled, inner
 
 # Cells of the grid around a part are this share of the distance between its kernels, and it has at
 # most so many.
@@ -24,9 +25,11 @@ _AROUND = 3.0
 # Directions in which a toucher is looked at, and how far, in distances of kernels.
 _DIRECTIONS, _FAR = 40, 8.0
 # Balls that fill a part, at most.
-_BALLS = 24
+_BALLS = 48
 # Past postures that are looked at, at most, and neighbouring places that share their depths.
 _PAST, _SHARED = 8_000, 5
+# What is farther from its limit than this, in distances of kernels, is not looked at.
+_SEEN = 0.5
 # Where nothing has been near, parts may come as near as the first, touchers to each other as the
 # second, in distances of kernels.
 _UNKNOWN, _UNKNOWN_TOUCHER = -1.0, -4.0
@@ -37,18 +40,19 @@ _NEAR, _ALWAYS, _JUDGED = 0.2, 0.1, 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solid:
-    """A part of the body as a field of depths: G cells, K kernels.
+    """A part of the body as a field of depths: G corners of a grid, K kernels.
 
     Attributes:
         link: the link that wears it.
         spacing: distance between its kernels, the model's unit of length.
         corner: `(3,)` of the grid, in the frame of the link.
         cell: edge of a cell.
-        sides: `(3,)` numbers of cells.
-        height: `(G,)` height above the surface at each corner of a cell, negative inside; infinite
-            where nobody knows.
+        sides: `(3,)` numbers of corners.
+        height: `(G,)` height above the surface at each corner, negative inside; infinite where
+            nobody knows.
         kernel: `(G,)` the nearest kernel, by number in `place`.
         place: `(K, 3)` places of the kernels.
+        unknown: how deep, in distances of kernels, may be what has never been near.
     """
 
     link: int
@@ -59,15 +63,33 @@ class Solid:
     height: np.ndarray
     kernel: np.ndarray
     place: np.ndarray
+    unknown: float
+
+    def clear(self) -> np.ndarray:
+        """`(G,)` distances to the nearest corner that a ball must reach to count."""
+        room = (_SEEN - self.unknown) * self.spacing
+        far = distance_transform_edt(self.height.reshape(self.sides) > room)
+        return self.cell * far.ravel()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Balls:
-    """A part or a toucher as what may run into others: balls in the frame of its link."""
+class Mover:
+    """A part or a toucher as what may run into others.
+
+    Attributes:
+        link: that carries it.
+        balls: `(b, 4)` centres and radii, in the frame of the link.
+    """
 
     link: int
-    centre: np.ndarray
-    radius: np.ndarray
+    balls: np.ndarray
+
+    @property
+    def around(self) -> np.ndarray:
+        """`(4,)` centre and radius of a ball that holds all of them."""
+        centre, radius = self.balls[:, :3], self.balls[:, 3]
+        middle = (centre.min(axis=0) + centre.max(axis=0)) / 2
+        return np.append(middle, (np.linalg.norm(centre - middle, axis=1) + radius).max())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,13 +98,11 @@ class OwnParts:
 
     Attributes:
         model: poses of the links.
-        meetings: what may run into which part.
-        limits: for each of `meetings`, `(K,)` the deepest that was possible at each kernel.
+        meetings: what may run into what, and how deep it may be in it, in distances of kernels.
     """
 
     model: BodyModel
-    meetings: tuple[tuple[Balls, Solid], ...]
-    limits: tuple[np.ndarray, ...]
+    meetings: Meetings
 
     @classmethod
     def of(
@@ -103,42 +123,19 @@ class OwnParts:
             known = best.get(surface.reach.part)
             if known is None or len(surface.node) > len(known.node):
                 best[surface.reach.part] = surface
-        solids = {part: _solid(model, part, surface) for part, surface in best.items()}
-        movers = [_balls(model, surface) for surface in best.values()]
         touchers = sorted({surface.reach.toucher for surface in surfaces})
+        movers = [_balls(model, surface) for surface in best.values()]
         movers += [_toucher(model, number) for number in touchers]
-        rounds = [_round(model, number, surfaces) for number in touchers]
-        meetings = tuple(
-            (mover, solid)
-            for mover in movers
-            for solid in (*solids.values(), *rounds)
-            if _moves(model, mover.link, solid.link)
-        )
+        solids = [_solid(model, part, surface) for part, surface in best.items()]
+        solids += [_round(model, number, surfaces) for number in touchers]
         q = representation.kernel_q
-        every = max(1, len(q) // _PAST)
-        poses = model.link_poses(q[::every].astype(float))
-        limits = []
-        for mover, solid in meetings:
-            deepest = np.full(len(solid.place), -np.inf)
-            _raise(*_arguments(poses, mover, solid), deepest)
-            near = cKDTree(solid.place).query(solid.place, k=min(_SHARED, len(deepest)))[1]
-            shared = deepest[near.reshape(len(deepest), -1)].max(axis=1)
-            unknown = _UNKNOWN_TOUCHER if solid in rounds else _UNKNOWN
-            limits.append(np.maximum(shared, unknown * solid.spacing))
-        own = cls(model=model, meetings=meetings, limits=tuple(limits))
-        return own._informative(poses[:: max(1, len(poses) // _JUDGED)])
-
-    def _informative(self, poses: np.ndarray) -> "OwnParts":
-        """Without meetings that are always near their limit, as those of neighbouring links."""
-        kept = [
-            np.mean(_over(poses, *meeting, limit) > -_NEAR) <= _ALWAYS
-            for meeting, limit in zip(self.meetings, self.limits, strict=True)
-        ]
-        return replace(
-            self,
-            meetings=tuple(one for one, keep in zip(self.meetings, kept, strict=True) if keep),
-            limits=tuple(one for one, keep in zip(self.limits, kept, strict=True) if keep),
-        )
+        poses = model.link_poses(q[:: max(1, len(q) // _PAST)].astype(float))
+        meetings = _met(poses, _meetings(model, movers, solids), solids)
+        over, _ = _over(meetings, poses[:: max(1, len(poses) // _JUDGED)])
+        # Neighbouring links are always near their limit: it says less there.
+        always = np.mean(over > -_NEAR, axis=1) > _ALWAYS
+        raised = np.repeat(_NEAR * always * meetings.unit, _places(meetings))
+        return cls(model=model, meetings=meetings._replace(limits=meetings.limits + raised))
 
     def excess(self, q: np.ndarray) -> np.ndarray:
         """`(n,)` how much deeper than ever own parts are in each other, in distances of kernels.
@@ -149,13 +146,95 @@ class OwnParts:
         Returns:
             The worst of all parts; negative where there is room, -inf where nothing can meet.
         """
-        worst = np.full(len(q), -np.inf)
-        if not self.meetings:
-            return worst
+        if not len(self.meetings.mover):
+            return np.full(len(q), -np.inf)
+        return _over(self.meetings, self.model.link_poses(q))[0].max(axis=0)
+
+    def pushes(self, q: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What drives own parts away from each other, as least squares have it.
+
+        Args:
+            q: `(n, J)` readings of the joints.
+            margin: that shall be left to each limit, in distances of kernels.
+
+        Returns:
+            `(n,)` sums over all meetings of the square of what is missing to the margin, `(n, J)`
+            half of their derivatives by the readings, and `(n, J, J)` products of the derivatives
+            of what is missing.
+        """
+        num, joints = q.shape
+        slope, square = np.zeros((num, joints)), np.zeros((num, joints, joints))
         poses = self.model.link_poses(q)
-        for meeting, limit in zip(self.meetings, self.limits, strict=True):
-            np.maximum(worst, _over(poses, *meeting, limit), out=worst)
-        return worst
+        over, kept = _over(self.meetings, poses)
+        missing = np.maximum(over + margin, 0.0)
+        if missing.any():
+            carries = np.zeros((joints + 1, joints), dtype=bool)
+            for link in np.flatnonzero(self.model.used).tolist():
+                carries[link, self.model.chain(link)] = True
+            twists = self.model.twists
+            push(self.meetings, poses, twists, carries, missing, kept, slope, square)
+        return np.square(missing).sum(axis=0), slope, square
+
+
+def _meetings(model: BodyModel, movers: list[Mover], solids: list[Solid]) -> Meetings:
+    """All movers and solids that a joint can move to each other; limits are below all depths."""
+    pairs = [
+        (i, j)
+        for i, mover in enumerate(movers)
+        for j, solid in enumerate(solids)
+        if _moves(model, mover.link, solid.link)
+    ]
+    mover, solid = np.array(pairs, dtype=int).reshape(-1, 2).T
+    places = np.array([len(solids[j].place) for j in solid], dtype=int)
+    return Meetings(
+        mover=mover,
+        solid=solid,
+        mover_link=np.array([movers[i].link for i in mover], dtype=int),
+        solid_link=np.array([solids[j].link for j in solid], dtype=int),
+        balls=np.concatenate([np.zeros((0, 4)), *(one.balls for one in movers)]),
+        first_ball=np.cumsum([0, *(len(one.balls) for one in movers)]),
+        around=np.array([one.around for one in movers]).reshape(-1, 4),
+        corner=np.array([one.corner for one in solids]).reshape(-1, 3),
+        cell=np.array([one.cell for one in solids], dtype=float),
+        sides=np.array([one.sides for one in solids], dtype=int).reshape(-1, 3),
+        height=np.concatenate([np.zeros(0), *(one.height for one in solids)]),
+        clear=np.concatenate([np.zeros(0), *(one.clear() for one in solids)]),
+        place=np.concatenate([np.zeros(0, dtype=int), *(one.kernel for one in solids)]),
+        grids=np.cumsum([0, *(len(one.height) for one in solids)])[:-1],
+        limits=np.full(places.sum(), -np.inf),
+        first_limit=np.cumsum([0, *places])[:-1],
+        unit=np.array([solids[j].spacing for j in solid], dtype=float),
+    )
+
+
+def _met(poses: np.ndarray, meetings: Meetings, solids: list[Solid]) -> Meetings:
+    """With the deepest of past postures as limits; neighbouring places share theirs."""
+    limits = meetings.limits.copy()
+    raise_limits(meetings, poses, limits)
+    shared = []
+    for number, first in zip(meetings.solid, meetings.first_limit, strict=True):
+        solid = solids[number]
+        deepest = limits[first : first + len(solid.place)]
+        near = cKDTree(solid.place).query(solid.place, k=min(_SHARED, len(deepest)))[1]
+        deepest = deepest[near.reshape(len(deepest), -1)].max(axis=1)
+        shared.append(np.maximum(deepest, solid.unknown * solid.spacing))
+    return meetings._replace(limits=np.concatenate([np.zeros(0), *shared]))
+
+
+def _places(meetings: Meetings) -> np.ndarray:
+    """`(M,)` numbers of limits of each meeting."""
+    return np.diff(meetings.first_limit, append=len(meetings.limits))
+
+
+def _over(meetings: Meetings, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(M, n)` how much deeper than its limit each meeting is, in distances of kernels, and where.
+
+    The second is `kept` of `exceed`.
+    """
+    over = np.empty((len(meetings.mover), len(poses)))
+    kept = np.empty((*over.shape, 2, 3))
+    exceed(meetings, poses, over, kept)
+    return over, kept
 
 
 def _moves(model: BodyModel, link: int, other: int) -> bool:
@@ -187,6 +266,7 @@ def _solid(model: BodyModel, part: int, surface: TouchedSurface) -> Solid:
         height=height,
         kernel=cKDTree(surface.kernel_place).query(place)[1],
         place=surface.kernel_place,
+        unknown=_UNKNOWN,
     )
 
 
@@ -214,6 +294,7 @@ def _round(model: BodyModel, toucher: int, surfaces: list[TouchedSurface]) -> So
         height=np.linalg.norm(away, axis=1),
         kernel=(away @ direction.T).argmax(axis=1),
         place=centre + spacing * direction,
+        unknown=_UNKNOWN_TOUCHER,
     )
 
 
@@ -229,92 +310,20 @@ def _thickness(surface: TouchedSurface) -> np.ndarray:
     return np.minimum(radius.min(axis=1), most)
 
 
-def _balls(model: BodyModel, surface: TouchedSurface) -> Balls:
+def _balls(model: BodyModel, surface: TouchedSurface) -> Mover:
     """Balls that fill a part, spread below its surface."""
     # Nodes are in the order of the cells of a grid: every so many are spread over all of them.
     rows = np.linspace(0, len(surface.node) - 1, min(_BALLS, len(surface.node))).astype(int)
     radius = _thickness(surface)[rows]
-    return Balls(
+    centre = surface.node[rows] - radius[:, None] * surface.normal[rows]
+    return Mover(
         link=int(model.part_link[surface.reach.part]),
-        centre=surface.node[rows] - radius[:, None] * surface.normal[rows],
-        radius=radius,
+        balls=np.column_stack([centre, radius]),
     )
 
 
-def _toucher(model: BodyModel, number: int) -> Balls:
-    return Balls(
+def _toucher(model: BodyModel, number: int) -> Mover:
+    return Mover(
         link=int(model.toucher_link[number]),
-        centre=model.toucher_place[number][None],
-        radius=np.zeros(1),
+        balls=np.append(model.toucher_place[number], 0.0)[None],
     )
-
-
-def _over(poses: np.ndarray, mover: Balls, solid: Solid, limit: np.ndarray) -> np.ndarray:
-    """`(n,)` how much deeper than its limits one is in the other, in distances of kernels."""
-    over = np.full(len(poses), -np.inf)
-    _exceed(*_arguments(poses, mover, solid), limit, over)
-    return over / solid.spacing
-
-
-def _arguments(poses: np.ndarray, mover: Balls, solid: Solid) -> tuple[np.ndarray, ...]:
-    """What compiled code takes, of `(n, J + 1, 4, 4)` poses of the links."""
-    return (
-        np.ascontiguousarray(poses[:, mover.link, :3]),
-        np.ascontiguousarray(poses[:, solid.link, :3]),
-        mover.centre,
-        mover.radius,
-        solid.corner,
-        np.array([solid.cell]),
-        solid.sides,
-        solid.height,
-        solid.kernel,
-    )
-
-
-@inner
-def _depth(mover, wearer, centre, radius, corner, cell, sides, height, kernel):
-    """Depth of a ball below a surface, and the kernel that it is next to; -inf where unknown."""
-    place = np.empty(3)
-    for axis in range(3):
-        place[axis] = mover[axis, 3] - wearer[axis, 3]
-        for other in range(3):
-            place[axis] += mover[axis, other] * centre[other]
-    at = np.empty(3)
-    for axis in range(3):
-        own = 0.0
-        for other in range(3):
-            own += wearer[other, axis] * place[other]
-        at[axis] = (own - corner[axis]) / cell[0]
-        if at[axis] < 0.0 or at[axis] >= sides[axis] - 1:
-            return -np.inf, 0
-    low0, low1, low2 = int(at[0]), int(at[1]), int(at[2])
-    f0, f1, f2 = at[0] - low0, at[1] - low1, at[2] - low2
-    total = 0.0
-    for corner_of in range(8):
-        i, j, k = corner_of >> 2, (corner_of >> 1) & 1, corner_of & 1
-        weight = (f0 if i else 1 - f0) * (f1 if j else 1 - f1) * (f2 if k else 1 - f2)
-        total += weight * height[((low0 + i) * sides[1] + low1 + j) * sides[2] + low2 + k]
-    near = int(at[0] + 0.5) * sides[1] * sides[2] + int(at[1] + 0.5) * sides[2] + int(at[2] + 0.5)
-    return radius - total, kernel[near]
-
-
-@compiled
-def _raise(mover, wearer, centre, radius, corner, cell, sides, height, kernel, deepest):
-    for i in range(len(mover)):
-        for ball in range(len(centre)):
-            depth, at = _depth(
-                mover[i], wearer[i], centre[ball], radius[ball], corner, cell, sides, height, kernel
-            )
-            if depth > deepest[at]:
-                deepest[at] = depth
-
-
-@compiled
-def _exceed(mover, wearer, centre, radius, corner, cell, sides, height, kernel, limit, over):
-    for i in range(len(mover)):
-        for ball in range(len(centre)):
-            depth, at = _depth(
-                mover[i], wearer[i], centre[ball], radius[ball], corner, cell, sides, height, kernel
-            )
-            if depth - limit[at] > over[i]:
-                over[i] = depth - limit[at]

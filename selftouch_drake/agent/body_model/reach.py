@@ -1,12 +1,18 @@
 """How one toucher moves over one part of the skin, as a body model has it."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.chain import slopes
+from selftouch_drake.agent.body_model.chain import slope
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
-from selftouch_drake.agent.body_model.support import bulge
+from selftouch_drake.agent.body_model.support import SHAPE_BASIS
+from selftouch_drake.compiled import compiled, inner
+
+# Share of the joints' squared reach by which steps that put a posture onto a place are damped, and
+# the longest step, mu.
+_DAMPED, _LONGEST = 1e-3, 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,10 +72,127 @@ class Reach:
             `(n, 3)` the centre of a ball that touches the skin where the toucher does, and
             `(n, 3, L)` its derivatives by the readings of `joints`.
         """
-        q = q[:, self.joints]
-        place, by_q, turn = slopes(q, self.twists, self.point, self.signs)
-        if not self.shape.any():
-            return place, by_q
-        away = -np.einsum("nij,ni->nj", turn, normal)
-        place, by_q, _ = slopes(q, self.twists, self.point + bulge(self.shape, away), self.signs)
+        own = np.ascontiguousarray(q[:, self.joints], dtype=float)
+        place, by_q = np.empty((len(q), 3)), np.empty((len(q), 3, len(self.joints)))
+        _places(own, self.twists, self.signs, self.point, self._bulge, normal, place, by_q)
         return place, by_q
+
+    def put(
+        self,
+        q: np.ndarray,
+        place: np.ndarray,
+        normal: np.ndarray,
+        limits: tuple[np.ndarray, np.ndarray],
+        *,
+        scale: np.ndarray,
+        steps: int,
+    ) -> np.ndarray:
+        """`(n, J)` postures near others with the toucher at places, if it gets there.
+
+        Each goes the shortest way by steps of damped least squares, and stays within limits.
+
+        Args:
+            q: `(n, J)` readings of all joints.
+            place: `(n, 3)` where the centre of the ball shall be.
+            normal: `(n, 3)` as of `places`.
+            limits: `(J,)` lowest and highest readings.
+            scale: `(J,)` mu per unit of each reading: ways are short in mu.
+            steps: that are made.
+        """
+        q, joints = q.copy(), self.joints
+        own = np.ascontiguousarray(q[:, joints] * scale[joints], dtype=float)
+        lower, upper = (limit[joints] * scale[joints] for limit in limits)
+        twists = self.twists / scale[joints, None]
+        _put(own, twists, self.signs, self.point, self._bulge, place, normal, lower, upper, steps)
+        q[:, joints] = own / scale[joints]
+        return q
+
+    @property
+    def _bulge(self) -> np.ndarray:
+        """`(3, 3)` of the toucher's shape, as in `support.bulge`."""
+        return np.tensordot(self.shape, SHAPE_BASIS, axes=1)
+
+
+@inner
+def _place(q, twists, signs, point, bulge, normal, work, place, by_q, turn):
+    """Fills in a row of `Reach.places`; `work` is room."""
+    points, known, tip = work
+    slope(q, twists, signs, point, points, known, place, by_q, turn)
+    if not bulge.any():
+        return
+    # Where it touches depends on how it is turned.
+    along, height = np.zeros(3), 0.0
+    for axis in range(3):
+        for row in range(3):
+            for other in range(3):
+                along[axis] -= bulge[axis, other] * turn[row, other] * normal[row]
+    for axis in range(3):
+        for row in range(3):
+            height -= along[axis] * turn[row, axis] * normal[row]
+    for axis in range(3):
+        away = 0.0
+        for row in range(3):
+            away -= turn[row, axis] * normal[row]
+        tip[axis] = point[axis] + 2.0 * along[axis] - height * away
+    slope(q, twists, signs, tip, points, known, place, by_q, turn)
+
+
+@compiled
+def _places(q, twists, signs, point, bulge, normal, place, by_q):
+    turn, length = np.empty((3, 3)), len(twists)
+    work = (np.empty((length + 1, 3)), np.empty((length, 4)), np.empty(3))
+    for i in range(len(q)):
+        _place(q[i], twists, signs, point, bulge, normal[i], work, place[i], by_q[i], turn)
+
+
+@compiled
+def _put(x, twists, signs, point, bulge, goal, normal, lower, upper, steps):
+    """Moves scaled postures `(n, L)` x as `Reach.put` says."""
+    length = len(twists)
+    turn, place, by_x = np.empty((3, 3)), np.empty(3), np.empty((3, length))
+    work = (np.empty((length + 1, 3)), np.empty((length, 4)), np.empty(3))
+    square, move = np.empty((3, 3)), np.empty(length)
+    for i in range(len(x)):
+        for _ in range(steps):
+            _place(x[i], twists, signs, point, bulge, normal[i], work, place, by_x, turn)
+            for row in range(3):
+                for column in range(3):
+                    square[row, column] = 0.0
+                    for joint in range(length):
+                        square[row, column] += by_x[row, joint] * by_x[column, joint]
+            damping = _DAMPED * (square[0, 0] + square[1, 1] + square[2, 2])
+            for axis in range(3):
+                square[axis, axis] += damping
+            a, b, c = _solved(
+                square, goal[i, 0] - place[0], goal[i, 1] - place[1], goal[i, 2] - place[2]
+            )
+            size = 0.0
+            for joint in range(length):
+                move[joint] = by_x[0, joint] * a + by_x[1, joint] * b + by_x[2, joint] * c
+                size += move[joint] * move[joint]
+            shorter = min(1.0, _LONGEST / max(math.sqrt(size), 1e-12))
+            for joint in range(length):
+                moved = x[i, joint] + shorter * move[joint]
+                x[i, joint] = min(max(moved, lower[joint]), upper[joint])
+
+
+@inner
+def _solved(A, x, y, z):
+    """The solution of three linear equations, by Cramer's rule; 0 if there is none."""
+    c0 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c1 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c2 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    size = A[0, 0] * c0 + A[0, 1] * c1 + A[0, 2] * c2
+    if size == 0.0:
+        return 0.0, 0.0, 0.0
+    d0 = A[0, 2] * A[2, 1] - A[0, 1] * A[2, 2]
+    d1 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    d2 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    e0 = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+    e1 = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
+    e2 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    return (
+        (c0 * x + d0 * y + e0 * z) / size,
+        (c1 * x + d1 * y + e1 * z) / size,
+        (c2 * x + d2 * y + e2 * z) / size,
+    )

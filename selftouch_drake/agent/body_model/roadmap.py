@@ -5,6 +5,9 @@ arm is straight. The touches that the agent lived are postures of all kinds; ste
 are tried in imagination, once (probabilistic roadmap, Kavraki et al. 1996).
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -23,10 +26,18 @@ _SAMPLED = 0.3
 _JUMP, _OFF = 2.5, 0.1
 # Steps that are tried at once.
 _AT_ONCE = 4000
+# What is known of a step.
+_UNKNOWN, _IMPOSSIBLE = -1, 0
+# Ways that are tried before all steps are, and ways round own parts.
+_ROUNDS, _DETOURS = 60, 10
+# A step on which own parts are too deep in each other costs so many times as much.
+_DEEPER = 10.0
 
 
 class Roadmap:
     """Possible steps between firm touches of one toucher on one part.
+
+    A step is tried when a way first leads over it, and what came of it is remembered.
 
     Args:
         lifter: the skin, the toucher and its kinematics.
@@ -42,16 +53,21 @@ class Roadmap:
         near = self._tree.query(self._key, k=min(_JOINED + 1, len(self._key)))[1][:, 1:]
         first = np.repeat(np.arange(len(self._key)), near.shape[1])
         pairs = np.unique(np.sort(np.stack([first, near.ravel()], axis=1), axis=1), axis=0)
-        possible = self._possible(self._x[pairs[:, 0]], self._x[pairs[:, 1]])
-        self._pairs = pairs[possible]
-        self._cost = self._costs(self._key, self._pairs)
+        self._steps = _Steps.between(self._key, pairs)
 
-    def way(self, x_start: np.ndarray, x_goals: np.ndarray) -> np.ndarray | None:
+    def way(
+        self,
+        x_start: np.ndarray,
+        x_goals: np.ndarray,
+        too_deep: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> np.ndarray | None:
         """A way of possible steps from one touch to the cheapest of others.
 
         Args:
             x_start: `(J,)` scaled posture.
             x_goals: `(g, J)` likewise.
+            too_deep: says of `(n, J)` postures in which of them own parts are too deep in each
+                other; where there is a choice the way avoids these.
 
         Returns:
             `(m, J)` postures close together, on the skin; joints that are not of the reach are
@@ -61,26 +77,61 @@ class Roadmap:
         ends = np.repeat(x_start[None], 1 + len(x_goals), axis=0)
         ends[1:, joints] = x_goals[:, joints]
         x = np.concatenate([self._x, ends])
+        x[:, np.delete(np.arange(x.shape[1]), joints)] = np.delete(x_start, joints)
         key = np.concatenate([self._key, self._keys(ends)])
         near = self._tree.query(key[num:], k=min(_JOINED, num))[1]
         own = np.stack([near.ravel(), np.repeat(num + np.arange(len(ends)), near.shape[1])], axis=1)
-        own = own[self._possible(x[own[:, 0]], x[own[:, 1]])]
-        pairs = np.concatenate([self._pairs, own])
-        cost = np.concatenate([self._cost, self._costs(key, own)])
-        graph = csr_array((cost, (pairs[:, 0], pairs[:, 1])), shape=(len(x), len(x)))
-        total, before = dijkstra(graph, directed=False, indices=num, return_predecessors=True)
-        last = num + 1 + int(total[num + 1 :].argmin())
-        if not np.isfinite(total[last]):
-            return None
-        passed = [last]
-        while passed[-1] != num:
-            passed.append(int(before[passed[-1]]))
-        through = x[passed[::-1]]
-        through[:, np.delete(np.arange(x.shape[1]), joints)] = np.delete(x_start, joints)
-        samples, _ = self._sampled(through[:-1], through[1:])
-        on_skin = self._put(np.concatenate(samples))[0]
-        on_skin[0] = x_start
-        return on_skin
+        steps = self._steps.joined(_Steps.between(key, own))
+        found = self._clear_way(x, steps, num, too_deep)
+        self._steps.possible[:] = steps.possible[: len(self._steps.pairs)]
+        return found
+
+    def _clear_way(
+        self,
+        x: np.ndarray,
+        steps: "_Steps",
+        start: int,
+        too_deep: Callable[[np.ndarray], np.ndarray] | None,
+    ) -> np.ndarray | None:
+        """The postures of `_possible_way`, by a way round where own parts are too deep."""
+        cost, first = steps.cost.copy(), None
+        for _ in range(_DETOURS):
+            passed = self._possible_way(x, steps, cost, start)
+            if passed is None:
+                return None
+            samples, _ = self._sampled(x[passed[:-1]], x[passed[1:]])
+            on_skin = self._put(np.concatenate(samples))[0]
+            on_skin[0] = x[start]
+            first = on_skin if first is None else first
+            if too_deep is None:
+                return first
+            deep = too_deep(on_skin)
+            if not deep.any():
+                return on_skin
+            step_of = np.repeat(steps.numbers(passed), [len(some) for some in samples])
+            cost[np.unique(step_of[deep])] *= _DEEPER
+        return first
+
+    def _possible_way(
+        self, x: np.ndarray, steps: "_Steps", cost: np.ndarray, start: int
+    ) -> list[int] | None:
+        """The cheapest way from a posture to any after it, by number; its steps are possible.
+
+        Fills in which steps are.
+        """
+        for tried in range(_ROUNDS + 1):
+            passed = steps.way(cost, start, len(x))
+            if passed is None:
+                return None
+            own = steps.numbers(passed)
+            # If no end is in sight, all are tried at once.
+            asked = own if tried < _ROUNDS else np.arange(len(steps.pairs))
+            asked = asked[steps.possible[asked] == _UNKNOWN]
+            a, b = steps.pairs[asked].T
+            steps.possible[asked] = self._possible(x[a], x[b])
+            if (steps.possible[own] != _IMPOSSIBLE).all():
+                return passed
+        return steps.way(cost, start, len(x))
 
     def _possible(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """`(n,)` bool, straight steps between `(n, J)` postures that can be put onto the skin."""
@@ -121,6 +172,53 @@ class Roadmap:
         joints = self._surface.reach.joints
         return np.concatenate([place / self._surface.spacing, x[:, joints]], axis=1)
 
-    @staticmethod
-    def _costs(key: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(key[pairs[:, 0]] - key[pairs[:, 1]], axis=1) ** _POWER
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Steps:
+    """Steps between touches: E steps.
+
+    Attributes:
+        pairs: `(E, 2)` touches by number, the first below the second.
+        cost: `(E,)` of each step.
+        possible: `(E,)` `_UNKNOWN` until a step was tried, then whether it is possible.
+    """
+
+    pairs: np.ndarray
+    cost: np.ndarray
+    possible: np.ndarray
+
+    @classmethod
+    def between(cls, key: np.ndarray, pairs: np.ndarray) -> "_Steps":
+        """Steps that nobody tried between touches at `(n, D)` keys."""
+        cost = np.linalg.norm(key[pairs[:, 0]] - key[pairs[:, 1]], axis=1) ** _POWER
+        return cls(pairs=pairs, cost=cost, possible=np.full(len(pairs), _UNKNOWN, dtype=np.int8))
+
+    def joined(self, other: "_Steps") -> "_Steps":
+        """With others after them."""
+        return _Steps(
+            pairs=np.concatenate([self.pairs, other.pairs]),
+            cost=np.concatenate([self.cost, other.cost]),
+            possible=np.concatenate([self.possible, other.possible]),
+        )
+
+    def way(self, cost: np.ndarray, start: int, num: int) -> list[int] | None:
+        """The cheapest way from a touch to any after it, of `num`; None if there is none."""
+        kept = self.possible != _IMPOSSIBLE
+        first, second = self.pairs[kept].T
+        graph = csr_array((cost[kept], (first, second)), shape=(num, num))
+        total, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+        last = start + 1 + int(total[start + 1 :].argmin())
+        if not np.isfinite(total[last]):
+            return None
+        passed = [last]
+        while passed[-1] != start:
+            passed.append(int(before[passed[-1]]))
+        return passed[::-1]
+
+    def numbers(self, passed: list[int]) -> np.ndarray:
+        """The steps of a way, by number."""
+        ends = np.sort(np.stack([passed[:-1], passed[1:]], axis=1), axis=1)
+        most = int(self.pairs.max()) + 1
+        code, own = self.pairs @ [most, 1], ends @ [most, 1]
+        order = np.argsort(code, kind="stable")
+        return order[np.searchsorted(code, own, sorter=order)]

@@ -4,6 +4,7 @@ The kernels of the paper are points of the skin; with a body model, each touch i
 own. So the skin is known finer than its targets, and a straight way over it is a geodesic.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,6 +19,7 @@ from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.reach import Reach
 from selftouch_drake.agent.body_model.scene import neighbour_distance
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.compiled import compiled
 
 # Nodes of the surface are this share of the distance between neighbouring kernels apart.
 _FINE = 0.5
@@ -66,7 +68,11 @@ class TouchedSurface:
 
     def kernel_at(self, at: np.ndarray) -> np.ndarray:
         """`(n,)` the target sensation whose place is nearest to each of `(n, 3)` places."""
-        return self.kernel[cKDTree(self.kernel_place).query(at)[1]]
+        return self.kernel[self._kernels.query(at)[1]]
+
+    @cached_property
+    def _kernels(self) -> cKDTree:
+        return cKDTree(self.kernel_place)
 
     @cached_property
     def nodes(self) -> cKDTree:
@@ -85,14 +91,9 @@ class TouchedSurface:
             at: `(n, 3)` places near it.
         """
         far, near = self.nodes.query(at, k=min(_BLENDED, len(self.node)))
-        weight = np.exp(-0.5 * np.square(far / (_FINE * self.spacing)))
-        weight += 1e-9 / (1e-9 + far)  # far from all, the nearest counts
-        weight /= weight.sum(axis=1, keepdims=True)
-        normal = np.einsum("nk,nka->na", weight, self.normal[near])
-        size = np.linalg.norm(normal, axis=1, keepdims=True)
-        normal = np.where(size > 1e-6, normal / np.maximum(size, 1e-6), self.normal[near[:, 0]])
-        above = np.einsum("nka,na->nk", at[:, None] - self.node[near], normal)
-        return at - np.einsum("nk,nk->n", weight, above)[:, None] * normal, normal
+        place, normal = np.empty((len(at), 3)), np.empty((len(at), 3))
+        _project(at, far, near, _FINE * self.spacing, self.node, self.normal, place, normal)
+        return place, normal
 
     def way(self, start: np.ndarray, goal: np.ndarray, num: int) -> np.ndarray | None:
         """`(num, 3)` evenly spaced places on a short way over the surface; None if there is none.
@@ -219,3 +220,36 @@ def evenly(way: np.ndarray, num: int) -> np.ndarray:
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     at = np.linspace(0.0, length[-1], num)
     return np.stack([np.interp(at, length, way[:, axis]) for axis in range(way.shape[1])], axis=1)
+
+
+@compiled
+def _project(at, far, near, reach, node, normal, place, blended):
+    """Fills in what `TouchedSurface.projected` gives, of `(n, k)` near nodes and how far they are.
+
+    Nodes count less the farther they are, by a normal distribution of this reach.
+    """
+    weight = np.empty(near.shape[1])
+    for i in range(len(at)):
+        total = 0.0
+        for k in range(len(weight)):
+            off = far[i, k] / reach
+            # Far from all, the nearest counts.
+            weight[k] = math.exp(-0.5 * off * off) + 1e-9 / (1e-9 + far[i, k])
+            total += weight[k]
+        size = 0.0
+        for axis in range(3):
+            blended[i, axis] = 0.0
+            for k in range(len(weight)):
+                blended[i, axis] += weight[k] / total * normal[near[i, k], axis]
+            size += blended[i, axis] ** 2
+        size = math.sqrt(size)
+        for axis in range(3):
+            nearest = normal[near[i, 0], axis]
+            blended[i, axis] = blended[i, axis] / size if size > 1e-6 else nearest
+        above = 0.0
+        for k in range(len(weight)):
+            for axis in range(3):
+                off = at[i, axis] - node[near[i, k], axis]
+                above += weight[k] / total * off * blended[i, axis]
+        for axis in range(3):
+            place[i, axis] = at[i, axis] - above * blended[i, axis]

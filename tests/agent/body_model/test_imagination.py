@@ -8,7 +8,6 @@ from modelled import true_model
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.body_model import own_parts
 from selftouch_drake.agent.body_model.chain import derivatives, slopes
 from selftouch_drake.agent.body_model.imagination import Imagination
 from selftouch_drake.agent.body_model.lift import Lifter
@@ -258,33 +257,76 @@ def test_a_roadmap_joins_lived_postures_by_steps_on_the_skin(cube, still):
     off = lifter.centres(way[1:])
     assert np.linalg.norm(off - surface.projected(off)[0], axis=1).max() < 0.2 * surface.spacing
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 1.0
+    # Where own parts would be too deep it goes another way, if there is one.
+    middle = way[len(way) // 2]
+
+    def near_middle(x):
+        return np.linalg.norm(x - middle, axis=1) < 0.3
+
+    assert near_middle(way).any()
+    assert not near_middle(roadmap.way(x[0], x[-5:], near_middle)).any()
+    assert roadmap.way(x[0], x[-5:], lambda x: np.ones(len(x), dtype=bool)) is not None
+    # What it tried it remembers: the same way again.
+    assert np.array_equal(roadmap.way(x[0], x[-5:]), way)
     # A posture far from all that was lived has no step to the others.
     assert roadmap.way(x[0] + 9.0, x[-5:]) is None
 
 
-def test_own_parts_may_be_as_deep_in_each_other_as_they_have_been(cube, monkeypatch):
+def test_own_parts_may_be_as_deep_in_each_other_as_they_have_been(cube):
     representation, model, _ = cube
     surfaces = touched_surfaces(model, representation)
-    # What always touches says nothing about own parts.
-    assert not OwnParts.of(model, representation, surfaces).meetings
-    monkeypatch.setattr(own_parts, "_ALWAYS", 1.0)
     own = OwnParts.of(model, representation, surfaces)
     (surface,) = surfaces
     past = representation.kernel_q[::7].astype(float)
     assert own.excess(past).max() <= 0.01
     # The fingertip far below the skin.
-    lifter = Lifter(
+    lifter = lifter_of(surface, representation)
+    x = representation.scaled(past[:20]).astype(float)
+    at, normal = surface.projected(lifter.centres(x))
+    deep = lifter.put(x, at - 1.2 * surface.spacing * normal, normal)
+    assert np.median(own.excess(deep / representation.joint_scale)) > 0.3
+    away = lifter.put(x, at + 1.0 * surface.spacing * normal, normal)
+    assert own.excess(away / representation.joint_scale).max() < 0.0
+
+
+def test_own_parts_push_each_other_away(cube):
+    representation, model, _ = cube
+    surfaces = touched_surfaces(model, representation)
+    own, lifter = OwnParts.of(model, representation, surfaces), lifter_of(*surfaces, representation)
+    q = representation.kernel_q[::40].astype(float)
+    margin = 0.4
+    cost, slope, square = own.pushes(q, margin)
+    assert (cost > 0).any()
+    assert np.array_equal(cost > 0, own.excess(q) > -margin)
+    for joint in range(q.shape[1]):
+        step = np.zeros(q.shape[1])
+        step[joint] = 1e-6
+        change = own.pushes(q + step, margin)[0] - own.pushes(q - step, margin)[0]
+        # Corners of the field, and another ball that becomes the worst, have two slopes.
+        off = np.abs(change / 4e-6 - slope[:, joint])
+        assert np.quantile(off, 0.9) < 1e-4 * max(1.0, np.abs(slope[:, joint]).max())
+    assert np.allclose(square, square.transpose(0, 2, 1))
+    # A motion that goes too deep is pushed out of there, and stays at the skin.
+    x = representation.scaled(q[np.argmax(cost)])[None] + np.zeros((20, 1))
+    (surface,) = surfaces
+    place = surface.projected(lifter.centres(x))[0]
+    way = lifter.over(place)
+    way = dataclasses.replace(way, place=place - 0.8 * surface.spacing * way.normal, across=0.2)
+    free, pushed = lifter.smoothed(x, way), lifter.smoothed(x, way, own)
+
+    def deepest(motion):
+        return own.excess(motion[1:] / representation.joint_scale).max()
+
+    assert deepest(pushed) < deepest(free) - 0.05
+
+
+def lifter_of(surface, representation):
+    return Lifter(
         surface=surface,
         scale=representation.joint_scale,
         lower=np.full(6, -50.0),
         upper=np.full(6, 50.0),
     )
-    x = representation.scaled(past[:20]).astype(float)
-    at, normal = surface.projected(lifter.centres(x))
-    deep = lifter.put(x, at - 1.0 * surface.spacing * normal, normal)
-    assert np.median(own.excess(deep / representation.joint_scale)) > 0.3
-    away = lifter.put(x, at + 1.0 * surface.spacing * normal, normal)
-    assert own.excess(away / representation.joint_scale).max() < 0.0
 
 
 def test_without_kernels_that_are_known_there_is_no_surface(cube):

@@ -1,0 +1,257 @@
+"""A lesson: what touches have told of a body so far, and what to touch and move next (naive).
+
+Pure functions of the touches alone. They suggest joints of which little was seen and receptors that
+felt little; they do not plan motions.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from selftouch_drake.agent.body_model import few
+from selftouch_drake.agent.body_model.find import find_body_model
+from selftouch_drake.agent.body_model.model import BodyModel, JointKind
+from selftouch_drake.quotient.sensations import assign, target_sensations
+
+# Touches of a target sensation, at least, and the most targets.
+_PER_TARGET, _MOST_TARGETS = 3, 150
+# Receptors whose touches have at least this cosine are of one part; smaller parts of the touches
+# are left to the others; and parts are told from this many touches on.
+_ALIKE, _PART, _PARTS_FROM = 0.2, 0.03, 800
+# A joint was seen if touches cover this share of its range.
+_SEEN = 0.4
+# Fewer touches make no representation, though a body may be known.
+_LEAST = 300
+# A receptor was felt by so many touches, and enough receptors are this share.
+_FELT, _ENOUGH_FELT = 3, 0.9
+# A joint is known if the standard error of its axis, in degrees, is below this.
+_KNOWN_DEG = 3.0
+# Joints and receptors that one step names.
+_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointKnown:
+    """What is known of a joint.
+
+    Attributes:
+        name: of the joint.
+        seen: 0 to 1, share of its range that touches cover.
+        kind: what it does, in a word or two.
+        error_deg: standard error of its axis; NaN where unknown.
+    """
+
+    name: str
+    seen: float
+    kind: str
+    error_deg: float
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its axis is."""
+        # Of an axis that touches leave open, there is no error to wait for.
+        return self.kind != "unknown" and not self.error_deg > _KNOWN_DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Known:
+    """What is known of a body.
+
+    Attributes:
+        num_touches: so far.
+        joints: one for each.
+        felt: `(S,)` touches that each receptor felt.
+        names: S of them.
+        accepted: whether touches that were left out agree with a body model.
+        reason: why or why not, in a sentence.
+    """
+
+    num_touches: int
+    joints: Sequence[JointKnown]
+    felt: np.ndarray
+    names: Sequence[str]
+    accepted: bool
+    reason: str
+
+    @property
+    def share_felt(self) -> float:
+        """0 to 1, receptors that felt enough."""
+        return float(np.mean(self.felt >= _FELT))
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the body is accepted, every joint known and nearly every receptor felt."""
+        return (
+            self.accepted
+            and self.num_touches >= _LEAST
+            and self.share_felt >= _ENOUGH_FELT
+            and all(joint.is_known for joint in self.joints)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What to do next.
+
+    Attributes:
+        text: a sentence for a person.
+        joints: numbers of the joints to move.
+        receptors: numbers of the receptors to touch.
+    """
+
+    text: str
+    joints: Sequence[int] = ()
+    receptors: Sequence[int] = ()
+
+
+def ask(
+    q: np.ndarray,
+    sensation: np.ndarray,
+    joint_names: Sequence[str],
+    *,
+    seed: int = 0,
+    each: Callable[..., Iterable] = map,
+) -> BodyModel | None:
+    """The body model of `(n, J)` configurations and `(n, S)` touches; None if they are too few.
+
+    One part of skin is tried first, and several only where that is rejected.
+    """
+    if len(q) < few.FEWEST:
+        return None
+    readings = np.maximum(sensation, 0).astype(np.float32)
+    number = min(len(q) // _PER_TARGET, _MOST_TARGETS)
+    targets = target_sensations(readings, number, or_fewer=True)
+    label, _ = assign(readings, targets)
+
+    def find(part: np.ndarray) -> BodyModel:
+        return find_body_model(
+            q,
+            csr_array(readings),
+            label,
+            part,
+            joint_names=joint_names,
+            seed=seed,
+            each=each,  # type: ignore[arg-type]
+        )
+
+    if len(q) >= _PARTS_FROM:
+        parts = _parts(readings)[targets.argmax(axis=1)]
+        if parts.any():
+            return find(parts)
+    return find(np.zeros(len(targets), dtype=int))
+
+
+def known(
+    q: np.ndarray,
+    sensation: np.ndarray,
+    joint_names: Sequence[str],
+    receptor_names: Sequence[str],
+    reach: np.ndarray,
+    model: BodyModel | None,
+) -> Known:
+    """What is known.
+
+    Args:
+        q: `(n, J)` configurations of the touches.
+        sensation: `(n, S)` what was felt.
+        joint_names: J.
+        receptor_names: S.
+        reach: `(2, J)` limits of the joints, or how far they were seen to move without a touch.
+        model: of these touches or of earlier ones.
+    """
+    span = np.maximum(reach[1] - reach[0], 1e-12)
+    seen = np.clip(np.ptp(q, axis=0) / span, 0, 1) if len(q) else np.zeros(len(joint_names))
+    joints = [
+        JointKnown(name=name, seen=float(seen[n]), **_of_model(model, n))
+        for n, name in enumerate(joint_names)
+    ]
+    reason = "too few touches to look for a body" if model is None else model.reason
+    return Known(
+        num_touches=len(q),
+        joints=joints,
+        felt=np.count_nonzero(sensation > 0, axis=0),
+        names=receptor_names,
+        accepted=model is not None and model.accepted,
+        reason=reason,
+    )
+
+
+def next_steps(found: Known) -> list[Step]:
+    """What to do next, the most urgent first; nothing if it is enough."""
+    if found.is_enough:
+        return []
+    if found.num_touches == 0:
+        return [Step(text="touch the skin anywhere, gently, and hold still for a moment")]
+    steps = []
+    still = [n for n, joint in enumerate(found.joints) if joint.seen < _SEEN]
+    if still:
+        still.sort(key=lambda n: found.joints[n].seen)
+        said = ", ".join(
+            f"{found.joints[n].name} ({found.joints[n].seen:.0%} of its range seen)"
+            for n in still[:_NAMED]
+        )
+        steps.append(Step(text=f"touch with other positions of {said}", joints=still[:_NAMED]))
+    unsure = [
+        n
+        for n, joint in enumerate(found.joints)
+        if n not in still and not joint.is_known and np.isfinite(joint.error_deg)
+    ]
+    if unsure:
+        unsure.sort(key=lambda n: -found.joints[n].error_deg)
+        said = ", ".join(
+            f"{found.joints[n].name} (axis ± {found.joints[n].error_deg:.1f}°)"
+            for n in unsure[:_NAMED]
+        )
+        steps.append(Step(text=f"move {said} between touches of one place", joints=unsure[:_NAMED]))
+    rare = np.argsort(found.felt, kind="stable")
+    rare = rare[found.felt[rare] < _FELT]
+    if len(rare) and found.share_felt < _ENOUGH_FELT:
+        said = ", ".join(f"{found.names[n]} ({found.felt[n]})" for n in rare[:_NAMED])
+        more = f" and {len(rare) - _NAMED} more" if len(rare) > _NAMED else ""
+        steps.append(
+            Step(
+                text=f"touch receptors that felt less than {_FELT} touches: {said}{more}",
+                receptors=rare[:_NAMED].tolist(),
+            )
+        )
+    if not steps:
+        steps.append(Step(text="go on: touch all over, each place with several postures"))
+    return steps
+
+
+def _of_model(model: BodyModel | None, joint: int) -> dict:
+    """Kind and error of a joint."""
+    if model is None or not model.accepted:
+        return {"kind": "unknown", "error_deg": np.nan}
+    kind = JointKind(int(model.joint_kind[joint]))
+    said = {
+        JointKind.UNUSED: "not used",
+        JointKind.TURNS: "turns",
+        JointKind.SLIDES: "slides",
+        JointKind.OPEN: "turns or slides",
+    }[kind]
+    columns = slice(3, 6) if kind == JointKind.SLIDES else slice(0, 3)
+    axis, sigma = model.twists[joint, columns], model.twist_sigma[joint, columns]
+    size = float(np.linalg.norm(axis))
+    if size == 0:
+        return {"kind": said, "error_deg": np.nan}
+    # Across the axis there are two directions.
+    along = np.square(sigma) @ np.square(axis / size)
+    across = np.sqrt(max(float(np.square(sigma).sum() - along), 0.0) / 2)
+    return {"kind": said, "error_deg": float(np.degrees(across / size))}
+
+
+def _parts(sensation: np.ndarray) -> np.ndarray:
+    """`(S,)` the part of each receptor, 0 the largest: receptors that feel the same touches."""
+    active = (sensation > 0).astype(float)
+    norm = np.maximum(np.linalg.norm(active, axis=0), 1e-12)
+    _, label = connected_components((active / norm).T @ (active / norm) >= _ALIKE)
+    weight = np.bincount(label[sensation.argmax(axis=1)], minlength=label.max() + 1)
+    order = np.argsort(-weight, kind="stable")
+    number = np.zeros(len(order), dtype=int)
+    for place, part in enumerate(order.tolist()):
+        number[part] = place if weight[part] >= _PART * len(sensation) else 0
+    return number[label]

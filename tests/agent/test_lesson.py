@@ -1,0 +1,87 @@
+"""What is known of a body in a lesson, and what to do next; no file is read."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.lesson import JointKnown, Known, known, next_steps
+
+
+def joint(name, **changed):
+    return JointKnown(**{"name": name, "seen": 0.9, "kind": "turns", "error_deg": 0.5} | changed)
+
+
+ENOUGH = Known(
+    num_touches=300,
+    joints=(joint("neck"), joint("elbow")),
+    felt=np.full(20, 10),
+    names=[f"taxel {n}" for n in range(20)],
+    accepted=True,
+    reason="Touches agree.",
+)
+
+
+def test_when_all_is_known_nothing_is_left_to_do():
+    assert ENOUGH.is_enough
+    assert next_steps(ENOUGH) == []
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"accepted": False},
+        {"felt": np.repeat([0, 10], [3, 17])},
+        {"joints": (joint("neck"), joint("elbow", error_deg=5.0))},
+        {"joints": (joint("neck"), joint("elbow", kind="unknown", error_deg=np.nan))},
+    ],
+)
+def test_it_is_not_enough_while_something_is_open(change):
+    found = replace(ENOUGH, **change)
+    assert not found.is_enough
+    assert next_steps(found)
+
+
+def test_joints_of_no_use_and_open_axes_do_not_keep_it_waiting():
+    of_no_use = joint("spare", kind="not used", error_deg=np.nan)
+    is_open = joint("rail", kind="turns or slides", error_deg=np.nan)
+    assert replace(ENOUGH, joints=(of_no_use, is_open)).is_enough
+
+
+def test_the_first_step_is_a_touch():
+    (step,) = next_steps(replace(ENOUGH, num_touches=0, accepted=False))
+    assert step.text.startswith("touch the skin anywhere, gently")
+
+
+def test_joints_of_which_little_was_seen_come_first_and_receptors_by_name():
+    felt = np.full(20, 10)
+    felt[[4, 9, 11]] = 0, 2, 1
+    found = replace(
+        ENOUGH,
+        accepted=False,
+        felt=felt,
+        joints=(joint("neck", seen=0.3), joint("elbow", seen=0.1), joint("wrist", error_deg=8.0)),
+    )
+    still, unsure, rare = next_steps(found)
+    assert still.joints == [1, 0]
+    assert still.text == (
+        "touch with other positions of elbow (10% of its range seen), neck (30% of its range seen)"
+    )
+    assert unsure.joints == [2]
+    assert "wrist (axis ± 8.0°)" in unsure.text
+    assert rare.receptors == [4, 11, 9]
+    assert rare.text == (
+        "touch receptors that felt less than 3 touches: taxel 4 (0), taxel 11 (1), taxel 9 (2)"
+    )
+
+
+def test_what_touches_covered_is_seen_beside_the_reach_of_a_joint():
+    q = np.array([[0.0, 5.0], [1.0, 5.0]])
+    sensation = np.array([[1.0, 0.0, 0.0], [0.5, 2.0, 0.0]])
+    reach = np.array([[-1.0, 0.0], [1.0, 10.0]])
+    found = known(q, sensation, ["a", "b"], ["x", "y", "z"], reach, None)
+    assert [one.seen for one in found.joints] == [0.5, 0.0]
+    assert found.felt.tolist() == [2, 1, 0]
+    assert (found.accepted, found.num_touches) == (False, 2)
+    assert found.reason == "too few touches to look for a body"
+    assert found.share_felt == 0.0
