@@ -1,3 +1,4 @@
+import dataclasses
 import gc
 import os
 import shutil
@@ -9,7 +10,10 @@ import pytest
 from hypothesis import settings
 
 from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment.schema import Imperfections, ReadingSettings
 from selftouch_drake.robot import World
+from selftouch_drake.robot import world as world_module
+from selftouch_drake.robot.skins import make_skins
 from selftouch_drake.run.directory import RunDirectory
 
 # pytest's importlib mode imports test files alone: this lets them share `fenced`.
@@ -28,6 +32,36 @@ settings.load_profile("steady")
 # that they start: those that are to be stopped would never hear of it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _skins_are_made_once():
+    """Worlds of shipped robots share skins that are described alike: they take seconds to make."""
+    made = {}
+
+    def skins(experiment):
+        given = [
+            dataclasses.replace(skin, imperfections=Imperfections(), reading=ReadingSettings())
+            for skin in experiment.skins.values()
+        ]
+        files = any(skin.receptors or skin.surface.mesh for skin in given)
+        if files or not experiment.robot.directives.startswith("package://selftouch_drake/"):
+            return make_skins(experiment)
+        key = repr((experiment.robot, [*experiment.skins], given, experiment.seed))
+        key += repr(experiment.changes)
+        if key not in made:
+            made[key] = make_skins(experiment)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(world_module, "make_skins", skins)
+        yield
+
+
+@pytest.fixture
+def skins_are_made_anew(monkeypatch):
+    """Skins are made in the test, as they are for a user."""
+    monkeypatch.setattr(world_module, "make_skins", make_skins)
 
 
 @pytest.fixture(scope="session")

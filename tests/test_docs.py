@@ -134,10 +134,15 @@ def test_commands_that_make_a_run_work_one_after_another(tmp_path, monkeypatch):
 def folder(tmp_path_factory):
     """A folder with a small run of the cube, as after `selftouch run cube`, and a recording."""
     folder = tmp_path_factory.mktemp("docs")
-    small = {"babbling": {"num_samples": 2000}, "representation": {"metric": "sensorimotor"}}
+    small = {
+        "babbling": {"num_samples": 2000},
+        "representation": {"num_targets": 260, "metric": "sensorimotor"},
+    }
     run = str(folder / "runs" / "cube")
     changes = yaml.safe_dump(small)
-    cli.main(["babble", "cube", "--out", run, "--set", changes], standalone_mode=False)
+    cli.main(
+        ["babble", "cube", "--out", run, "--set", changes, "--workers", "1"], standalone_mode=False
+    )
     cli.main(["learn", run], standalone_mode=False)
     touches = ExperienceReader(folder / "runs" / "cube" / "experience")
     arrays = {name: touches.read(name) for name in ("q", "sensation")}
@@ -184,11 +189,23 @@ def test_the_sweep_that_is_shown_is_valid(tmp_path):
     assert len(sweep.experiments) == 2 * 3 * (4 + 2 + 1)
 
 
-def test_the_names_of_the_glossary_are_in_the_code():
+@pytest.mark.parametrize("page", ["glossary.md", "code.md"])
+def test_the_names_of_a_page_on_the_code_are_in_the_code(page):
     package = ROOT / "selftouch_drake"
     code = "\n".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
-    known = {*re.findall(r"\w+", code), *(path.stem for path in package.rglob("*"))}
-    named = re.findall(r"`([^`]+)`", TEXTS[DOCS / "glossary.md"])
+    folders = (package, ROOT / "tests", ROOT / "benchmarks")
+    stems = {path.stem for folder in folders for path in folder.rglob("*")}
+    known = {*re.findall(r"\w+", code), *stems}
+    named = re.findall(r"`([^`]+)`", TEXTS[DOCS / page])
     # Placeholders are in capitals.
     words = {w for name in named for w in re.findall(r"[A-Za-z_]\w{2,}", name) if not w.isupper()}
     assert {word for word in words if word.strip("_") not in known} - known == set()
+
+
+def test_what_the_page_on_the_code_says_to_be_in_a_file_is_in_it():
+    wrong = []
+    for file, name in re.findall(r"`([\w/]+\.py): (\w+)`", TEXTS[DOCS / "code.md"]):
+        code = (ROOT / "selftouch_drake" / file).read_text(encoding="utf-8")
+        if not re.search(rf"^(?:def|class) {name}\b", code, re.MULTILINE):
+            wrong.append(f"{file}: {name}")
+    assert wrong == []

@@ -127,9 +127,7 @@ class Agent:
     def recalling(self, memory: RehearsalMemory) -> "Agent":
         """The same agent with another memory."""
         changed = dataclasses.replace(self, memory=memory)
-        # These do not depend on it.
-        vars(changed)["planner"] = self.planner
-        vars(changed)["imagination"] = self.imagination
+        vars(changed)["_builder"] = self._builder
         return changed
 
     def without_model(self) -> "Agent":
@@ -204,8 +202,15 @@ class Agent:
         )
 
     @cached_property
+    def _builder(self) -> "Agent":
+        """Who builds planner and imagination, when one of those who remember otherwise plans."""
+        return self
+
+    @cached_property
     def imagination(self) -> "Imagination | None":
         """What plans over the imagined skin; None without an accepted part of the body model."""
+        if self._builder is not self:
+            return self._builder.imagination
         if self.body_model is None or not self.body_model.accepted_by_part.any():
             return None
         from selftouch_drake.agent.body_model.imagination import Imagination  # not always needed
@@ -220,6 +225,8 @@ class Agent:
     @cached_property
     def planner(self) -> Planner:
         """The planner over the paper's representation, which knows a way between all touches."""
+        if self._builder is not self:
+            return self._builder.planner
         return Planner(
             self.representation,
             knot_spacing=self.knot_spacing,

@@ -66,6 +66,8 @@ class RigidTouchers:
         return Touches.of(sensation, row, skin, toucher, total)
 
 
+# One function: with its innermost loop as another, which is handed skin, mesh and scratch arrays,
+# it takes 1.3 times the time on a cube, and twice on an infant.
 @compiled
 def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total, once):
     """Presses a `RigidMesh` on a `SoftSkin`.

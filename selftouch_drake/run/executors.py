@@ -15,6 +15,9 @@ from selftouch_drake.run.warning_lines import one_line_warnings
 #: Shards whose results may wait: bounds the memory, and keeps a few machines busy.
 SHARDS_AHEAD = 16
 
+#: How long a scheduler may take to answer.
+ANSWERS_WITHIN = "10s"
+
 
 def local_executor(num_workers: int | None = None) -> Executor:
     """Processes of this machine, one for each core by default; a single one is this process.
@@ -84,7 +87,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
             "--scheduler needs Dask; install it with `pip install 'selftouch-drake[dask]'`"
         ) from None
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=ANSWERS_WITHIN, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ValueError(
             f"--scheduler {address} does not answer ({error}); start it, or correct the address"

@@ -75,6 +75,10 @@ class PlanSource(LeafSystem):
     predicted_sensation (out) vector S    none       the agent's prediction, of unit L2 norm
     ========================= ====== ==== ========== =======================================
 
+    Its course is the cubic through the motion's positions and rates. A body that executes the
+    motion is given its positions alone, and takes the same course within 1e-6 rad
+    (`bodies/drake.py: rates_through`).
+
     The motion is abstract state of the context: one diagram serves many plans, and two contexts
     follow two of them. Its time is that of the context. Before its start and after its end the
     command rests there.

@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 from acceptance_runs import made, metrics_of, selftouch
+from made_once import made_once
 
 from selftouch_drake.experience.store import ExperienceReader
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    path = tmp_path_factory.mktemp("sphere") / "run"
-    return made(path, "sphere", touches=25_000, targets=150, pairs=0)
+    sizes = {"touches": 25_000, "targets": 150, "pairs": 0}
+    return made_once(tmp_path_factory, "sphere", lambda path: made(path, "sphere", **sizes))
 
 
 def test_the_sphere_is_recovered(run):

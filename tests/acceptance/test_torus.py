@@ -2,14 +2,17 @@
 
 import pytest
 from acceptance_runs import made, metrics_of
+from made_once import made_once
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def metrics(tmp_path_factory):
-    path = tmp_path_factory.mktemp("torus") / "run"
-    return metrics_of(made(path, "torus", touches=150_000, targets=500, pairs=8, seed=2))
+    sizes = {"touches": 150_000, "targets": 500, "pairs": 8}
+    return metrics_of(
+        made_once(tmp_path_factory, "torus", lambda path: made(path, "torus", seed=2, **sizes))
+    )
 
 
 def test_the_torus_is_recovered(metrics):

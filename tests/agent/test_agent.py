@@ -7,6 +7,7 @@ from skins import SHAPES, readings, receptors, touch
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import NO_KERNEL, Execution
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.touches import felt_kernels
 from selftouch_drake.agent.tries import judged_try
 
@@ -22,6 +23,11 @@ def experience():
 def agent(experience):
     q, sensation, _, _ = experience
     return Agent.learn(q, sensation, num_targets=240, seed=0)
+
+
+def learned(q, sensation, num_targets):
+    """What an agent learns, without what it takes to plan."""
+    return QuotientLearner(num_targets).fit(sensation, q).representation_
 
 
 def on_part(agent, part, count, seed=0):
@@ -50,7 +56,7 @@ def carried_out(agent, plan, num=400):
 
 def test_an_agent_learns_recovers_plans_and_remembers(agent):
     assert agent.representation.num_targets == 240
-    body = agent.recover("learned")
+    body = agent.recover("sensorimotor")
     assert [part.topology.betti for part in body.parts] in (
         [(1, 0, 1), (1, 1, 0)],
         [(1, 1, 0), (1, 0, 1)],
@@ -71,6 +77,16 @@ def test_an_agent_learns_recovers_plans_and_remembers(agent):
     assert len(again) <= len(plan.links) // 4 or len(plan.links) == 1
     with pytest.raises(dataclasses.FrozenInstanceError):
         agent.memory = None
+
+
+def test_who_remembers_otherwise_shares_the_planner_which_is_built_when_one_plans(agent):
+    first = Agent.of(agent.representation)
+    wiser = first.recalling(first.memory.after(np.array([0])))
+    wisest = wiser.recalling(wiser.memory.after(np.array([1])))
+    for one in (first, wiser, wisest):
+        assert not {"planner", "imagination"} & vars(one).keys()
+    assert wisest.planner is first.planner is wiser.planner
+    assert wisest.imagination is None
 
 
 def test_planned_motions_stay_on_the_skin_and_feel_as_predicted(agent):
@@ -184,7 +200,7 @@ def test_two_hands_that_rarely_touch_at_once_are_separated():
 
 def test_two_touches_that_are_the_rule_are_kept():
     q, sensation, _, _ = touch(["sphere"], 12_000, double=0.5)
-    representation = Agent.learn(q, sensation, num_targets=200).representation
+    representation = learned(q, sensation, 200)
     assert representation.num_set_aside == 0
     assert representation.num_parts == 1
 
@@ -219,7 +235,7 @@ def test_touches_that_run_from_skin_to_skin_join_them():
     # Two halves of one sphere, each with its own receptors.
     q, sensation, _, _ = touch(["sphere"], 12_000)
     order = np.argsort(receptors("sphere", 60)[:, 2])
-    representation = Agent.learn(q, sensation[:, order], num_targets=100).representation
+    representation = learned(q, sensation[:, order], 100)
     assert representation.num_parts == 1
     assert representation.num_set_aside == 0
 
@@ -236,9 +252,7 @@ def test_a_skin_with_flaws_is_one_part(noise):
         sensation = sensation + rng.normal(0.0, 0.01, sensation.shape)
         sensation = np.where(sensation > 0.06, sensation, 0.0)
     kept = sensation.any(axis=1)
-    representation = Agent.learn(
-        q[kept], np.maximum(sensation[kept], 0.0), num_targets=100
-    ).representation
+    representation = learned(q[kept], np.maximum(sensation[kept], 0.0), 100)
     assert representation.num_parts == 1
     assert np.mean(representation.part == 0) == 1.0
     assert representation.num_set_aside / representation.num_touches < 0.001

@@ -11,10 +11,10 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that are parts of other programs.
 PARTS = {
-    "accuracy/made_up_bodies",
+    *("accuracy/agent_trials", "accuracy/made_up_bodies"),
     *("cost/ompl_planner", "cost/peers", "cost/questions"),
     *("accuracy/revolute", "accuracy/unrolling", "others/foreign_bodies"),
-    *("shared/babbled", "shared/raw_skin", "shared/results"),
+    *("shared/babbled", "shared/numbers_in_source", "shared/raw_skin", "shared/results"),
 }
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
 MEASURE_NOTHING = {

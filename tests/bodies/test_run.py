@@ -13,7 +13,7 @@ from selftouch_drake.files import load_arrays
 TOYS = Path(__file__).with_name("toys.py")
 SMALL = {
     "babbling": {"num_samples": 2000, "walk_size": 1000},
-    "representation": {"num_targets": 60, "body_model": "off"},
+    "representation": {"num_targets": 60, "metric": "sensorimotor", "body_model": "off"},
     "evaluation": {"num_pairs": 1},
 }
 

@@ -105,6 +105,8 @@ def assert_is_complete(run, *, metrics_compared):
     assert leftovers == []
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("skins_are_made_anew")
 def test_same_seed_same_bytes_whatever_the_number_of_workers_and_without_the_truth(
     finished_run, tmp_path
 ):

@@ -217,7 +217,7 @@ def _limb():
 
 
 @pytest.mark.filterwarnings("ignore::selftouch_drake.geometry.closing.SimplifiedWarning")
-@pytest.mark.parametrize("resolution", [0.01, 0.02, 0.03])
+@pytest.mark.parametrize("resolution", [0.013, 0.02, 0.03])
 @pytest.mark.parametrize("thickness", [0.005, 0.01, 0.015])
 def test_a_skin_fits_under_it(resolution, thickness):
     surface = closed_surface(_limb(), resolution=resolution, thickness=thickness)

@@ -61,18 +61,34 @@ def text(values):
     return " ".join(f"{value:.17g}" for value in np.ravel(values))
 
 
+#: What stands still, and carries the arm.
+BASE = Link("base", "", place=(0.0, 0.0, 0.0), box_place=(0.0, 0.0, 0.1), mass=1.0)
+
+
+def _elements(arm, of_link, of_joint, *, kinds, backwards):
+    """Texts of the base, then of each link and its joint; the last one first if `backwards`."""
+    elements = [of_link(BASE)]
+    for link in arm.links:
+        kind = (kinds or {}).get(link.joint, link.kind)
+        elements += [of_link(link), of_joint(link, kind)]
+    return "".join(reversed(elements) if backwards else elements)
+
+
 def urdf(arm=ARM, *, rename=str, backwards=False, more="", in_links="", in_joints=None, kinds=None):
     """The arm as URDF; `in_joints` adds text to joints by name, `kinds` changes theirs."""
-    parts = [_urdf_link("base", (0.05, 0.05, 0.2), (0, 0, 0.1), (0, 0, 0), 1.0, rename, in_links)]
-    for link in arm.links:
-        parts.append(
-            _urdf_link(
-                *(link.name, link.box, link.box_place, link.box_rpy, link.mass, rename, in_links)
-            )
+
+    def of_link(link):
+        inertia = "ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'"
+        inertial = f"<inertial><mass value='{link.mass}'/><inertia {inertia}/></inertial>"
+        return (
+            f"<link name='{rename(link.name)}'>{inertial if link.mass else ''}<collision>"
+            f"<origin xyz='{text(link.box_place)}' rpy='{text(link.box_rpy)}'/>"
+            f"<geometry><box size='{text(link.box)}'/></geometry></collision>{in_links}</link>"
         )
+
+    def of_joint(link, kind):
         low, high = link.limits
-        kind = (kinds or {}).get(link.joint, link.kind)
-        parts.append(
+        return (
             f"<joint name='{rename(link.joint)}' type='{kind}'>"
             f"<parent link='{rename(link.parent)}'/><child link='{rename(link.name)}'/>"
             f"<origin xyz='{text(link.place)}' rpy='{text(link.rpy)}'/>"
@@ -80,45 +96,35 @@ def urdf(arm=ARM, *, rename=str, backwards=False, more="", in_links="", in_joint
             f"<limit lower='{low}' upper='{high}' effort='{link.effort}' velocity='2'/>"
             f"{(in_joints or {}).get(link.joint, '')}</joint>"
         )
-    body = "".join(reversed(parts) if backwards else parts)
+
+    body = _elements(arm, of_link, of_joint, kinds=kinds, backwards=backwards)
     return f"<robot name='arm'>{more}{body}</robot>"
-
-
-def _urdf_link(name, box, place, rpy, mass, rename, inside):
-    inertia = "ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'"
-    inertial = f"<inertial><mass value='{mass}'/><inertia {inertia}/></inertial>" if mass else ""
-    return (
-        f"<link name='{rename(name)}'>{inertial}<collision>"
-        f"<origin xyz='{text(place)}' rpy='{text(rpy)}'/>"
-        f"<geometry><box size='{text(box)}'/></geometry></collision>{inside}</link>"
-    )
 
 
 def sdf(arm=ARM, *, backwards=False, more="", in_axis=None, kinds=None, head=""):
     """The arm as SDFormat; `in_axis` adds text to the axes of joints by name."""
-    parts = [_sdf_link("base", "", (0.05, 0.05, 0.2), (0, 0, 0.1), (0, 0, 0), 1.0)]
-    for link in arm.links:
+
+    def of_link(link):
+        moments = "<ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz>"
         pose = f"<pose relative_to='{link.parent}'>{text(link.place)} {text(link.rpy)}</pose>"
-        parts.append(_sdf_link(link.name, pose, link.box, link.box_place, link.box_rpy, link.mass))
+        return (
+            f"<link name='{link.name}'>{pose if link.parent else ''}"
+            f"<inertial><mass>{link.mass}</mass><inertia>{moments}</inertia></inertial>"
+            f"<collision name='c'><pose>{text(link.box_place)} {text(link.box_rpy)}</pose>"
+            f"<geometry><box><size>{text(link.box)}</size></box></geometry></collision></link>"
+        )
+
+    def of_joint(link, kind):
         low, high = link.limits
-        kind = (kinds or {}).get(link.joint, link.kind)
-        parts.append(
+        return (
             f"<joint name='{link.joint}' type='{kind}'><parent>{link.parent}</parent>"
             f"<child>{link.name}</child><axis><xyz>{text(link.axis)}</xyz><limit><lower>{low}</lower>"
             f"<upper>{high}</upper><effort>{link.effort}</effort></limit>"
             f"{(in_axis or {}).get(link.joint, '')}</axis></joint>"
         )
-    body = "".join(reversed(parts) if backwards else parts)
+
+    body = _elements(arm, of_link, of_joint, kinds=kinds, backwards=backwards)
     return f"<sdf version='1.11'>{head}<model name='arm'>{body}{more}</model></sdf>"
-
-
-def _sdf_link(name, pose, box, place, rpy, mass):
-    moments = "<ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz>"
-    return (
-        f"<link name='{name}'>{pose}<inertial><mass>{mass}</mass><inertia>{moments}</inertia>"
-        f"</inertial><collision name='c'><pose>{text(place)} {text(rpy)}</pose>"
-        f"<geometry><box><size>{text(box)}</size></box></geometry></collision></link>"
-    )
 
 
 @dataclass(frozen=True)

@@ -127,10 +127,10 @@ def test_it_changes_no_sensation(world):
 
 
 def test_it_changes_no_sensation_whatever_touches(hand):
-    q = hand.anywhere(800, seed=0, reach=0.25)
+    q = hand.anywhere(500, seed=0, reach=0.25)
     screened, asked = hand.world.probe.sensations(q), hand.station.sensations(q)
     np.testing.assert_allclose(screened, asked, rtol=0, atol=1e-12 * asked.max())
-    assert asked.any(axis=1).sum() > 40
+    assert asked.any(axis=1).sum() > 25
     assert not may_touch(hand.world, q).all()
     assert may_touch(hand.world, q)[asked.any(axis=1)].all()
 

@@ -6,7 +6,14 @@ import pytest
 from selftouch_drake.experiment import ExperimentError, load_experiment
 from selftouch_drake.robot import ImperfectSkins, World
 
-SMALL = {"skins": {"body": {"num_receptors": 12, "surface": {"shape": "sphere", "radius": 0.25}}}}
+SMALL = {
+    "skins": {
+        "body": {
+            "num_receptors": 12,
+            "surface": {"shape": "sphere", "radius": 0.25, "resolution": 0.06},
+        }
+    }
+}
 
 
 def world(*changes, name="sphere", **fields):

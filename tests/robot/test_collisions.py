@@ -105,6 +105,9 @@ SHAPES = {
     "mesh": robots.shape("mesh", "0 0 0 0.3 0 0", uri="wedge.obj"),
 }
 
+#: A skin that nothing here presses.
+COARSE = {"shape": "sphere", "radius": 0.3, "resolution": 0.1}
+
 
 @pytest.mark.parametrize(
     "pair", [*itertools.combinations_with_replacement(SHAPES, 2)], ids="-".join
@@ -119,7 +122,7 @@ def test_two_shapes_of_each_kind_are_as_deep_in_each_other_as_in_drake(pair, tmp
         tmp_path,
         robots.link("base", SHAPES[pair[0]]),
         robots.carried("hand", SHAPES[pair[1]], reach=0.1),
-        skins={"base": {"link": "base", "surface": {"shape": "sphere", "radius": 0.3}}},
+        skins={"base": {"link": "base", "surface": COARSE, "num_receptors": 10}},
         touching={"hand": {"frame": "hand_z", "radius": 0.01}},
     )
     q = robots.anywhere(world.robot, 200, seed=0)

@@ -57,6 +57,12 @@ def _rigid(resolution_hint: float, friction: float) -> ProximityProperties:
     return properties
 
 
+@functools.cache
+def _skin_of(shape):
+    """One for all rigs: it takes seconds to make."""
+    return _skin(SURFACES[shape]())
+
+
 def _skin(surface, *, link="covered", thickness=0.03, num_receptors=100):
     p_LS = receptors.place_receptors(surface, num_receptors, seed=0)
     return SkinModel(
@@ -72,9 +78,8 @@ def _skin(surface, *, link="covered", thickness=0.03, num_receptors=100):
 class TouchRig:
     """A free body with a skin and two free fingertips, to be put anywhere in a plant of its own."""
 
-    def __init__(self, surface, **skin):
+    def __init__(self, surface, model):
         self.surface = surface
-        model = _skin(surface, **skin)
         self.fields = model.fields
         builder = DiagramBuilder()
         # A continuous plant: its contact results belong to the state, and at rest to it alone.
@@ -136,7 +141,7 @@ class TouchRig:
 
 @functools.cache
 def rig(shape: str) -> TouchRig:
-    return TouchRig(SURFACES[shape]())
+    return TouchRig(SURFACES[shape](), _skin_of(shape))
 
 
 def _random_rotation(rng) -> RotationMatrix:
@@ -247,7 +252,8 @@ def test_every_pressed_point_is_felt_by_three_receptors(shape, seed):
 
 def test_opposite_walls_do_not_talk():
     # A disc so flat that fields measured through the body would reach the other side.
-    flat = TouchRig(surfaces.cylinder(0.2, 0.07), thickness=0.02, num_receptors=50)
+    disc = surfaces.cylinder(0.2, 0.07)
+    flat = TouchRig(disc, _skin(disc, thickness=0.02, num_receptors=50))
     assert flat.fields.radius > 0.07
     for side in (1.0, -1.0):
         p_BF = [0.01, 0.02, side * (0.035 + TIP_RADIUS - 0.009)]
@@ -262,7 +268,7 @@ class Scale:
     MASS, SIZE = 0.2, (0.08, 0.08, 0.04)
 
     def __init__(self, joint):
-        model = _skin(surfaces.cube(0.44))
+        model = _skin_of("cube")
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
         covered = plant.AddRigidBody("covered", SpatialInertia.SolidSphereWithMass(1.0, 0.1))

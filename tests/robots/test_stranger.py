@@ -73,8 +73,12 @@ def test_fists_with_skin_are_parts_beside_what_they_press(tmp_path):
     settings = yaml.safe_dump(
         {
             "seed": 31,
-            "babbling": {"num_samples": 20_000},
-            "representation": {"body_model": "off"},
+            "babbling": {"num_samples": 4000},
+            "representation": {
+                "num_targets": 200,
+                "metric": "sensorimotor",
+                "body_model": "off",
+            },
         }
     )
     run = tmp_path / "run"

@@ -123,6 +123,7 @@ def test_the_touch_servo_holds_a_touch_that_is_lost_without_it(run, world):
     assert pilot.execute(motion)[0].contact == 1.0
 
 
+@pytest.mark.slow
 def test_the_experiment_switches_the_touch_servo_on(run, capsys):
     """The joints slip after babbling: what was learned leads beside the skin."""
     output_of(capsys, "plan", run.path, "--from", 39, "--to", 42)
@@ -346,6 +347,7 @@ def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     assert found == expected
 
 
+@pytest.mark.usefixtures("skins_are_made_anew")
 def test_a_plan_needs_nothing_that_is_kept(run, world):
     expected = stages.plan(run, 3, 20)
     kept = sorted(run.cache.iterdir())

@@ -93,6 +93,7 @@ def test_a_life_is_shown_and_kept_as_curves(run):
     assert len(motion_figures.life(RunData(run)).axes) == 4
 
 
+@pytest.mark.slow
 def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):
     monkeypatch.setattr(life_module, "_FIRST", 500)
     monkeypatch.setitem(Life.__init__.__kwdefaults__, "num_steps", 200)

@@ -14,8 +14,8 @@ from selftouch_drake.run import RunDirectory, load_motion
 from selftouch_drake.run.artifacts import stored_pairs
 
 FIELDS = (
-    "{babbling: {num_samples: 10000}, representation: {num_targets: 200}, "
-    "evaluation: {num_pairs: 3}}"
+    "{babbling: {num_samples: 10000}, representation: {num_targets: 200, metric: sensorimotor}, "
+    "evaluation: {num_pairs: 3, shape_metrics: []}}"
 )
 
 

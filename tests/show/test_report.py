@@ -10,6 +10,7 @@ import pytest
 
 from selftouch_drake.run.artifacts import load_body_model, save_body_model
 from selftouch_drake.run.metrics import METRICS
+from selftouch_drake.show import outputs
 from selftouch_drake.show.outputs import write_report
 from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.report import plan_table
@@ -110,10 +111,15 @@ def test_the_body_model_is_told_with_its_assumption_and_its_judgement(page):
     assert "└─ shoulder_yaw &gt; shoulder_pitch" in text
 
 
+@pytest.fixture
+def without_babbling(monkeypatch):
+    """No page shows how the robot babbled."""
+    monkeypatch.setattr(outputs, "write_babbling", lambda run, data: None)
+
+
+@pytest.mark.usefixtures("unrendered", "without_babbling")
 @pytest.mark.parametrize(("reason", "told"), [("off", False), ("rejected: too few.", True)])
-def test_without_an_accepted_model_the_report_tells_why_or_nothing(
-    make_run, unrendered, reason, told
-):
+def test_without_an_accepted_model_the_report_tells_why_or_nothing(make_run, reason, told):
     run = make_run("learned")
     model = load_body_model(run)
     nothing = np.zeros_like(model.accepted_by_part)
@@ -165,6 +171,7 @@ def test_a_flight_is_no_lost_contact(two_skins):
     assert row[5] == "100.0 %"
 
 
+@pytest.mark.usefixtures("unrendered", "without_babbling")
 @pytest.mark.parametrize(
     ("stage", "verbs"),
     [
@@ -173,7 +180,7 @@ def test_a_flight_is_no_lost_contact(two_skins):
         ("planned", {"execute", "evaluate"}),
     ],
 )
-def test_missing_stages_are_named_with_their_remedy(make_run, unrendered, stage, verbs):
+def test_missing_stages_are_named_with_their_remedy(make_run, stage, verbs):
     page = write_report(make_run(stage)).read_text(encoding="utf-8")
     found = set(re.findall(r"selftouch (babble|plan|execute|evaluate)", page))
     assert found - {"babble"} == verbs - {"babble", "learn"}

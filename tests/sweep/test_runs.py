@@ -62,6 +62,7 @@ def test_every_run_is_a_run_like_any_other(finished, sweep):
         assert load_representation(run).num_targets == experiment.representation.num_targets
 
 
+@pytest.mark.slow
 def test_runs_with_and_without_a_body_model_share_what_they_learn(
     common_text, tmp_path, monkeypatch
 ):

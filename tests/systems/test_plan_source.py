@@ -6,6 +6,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.agent.motions import Motion, Plan
+from selftouch_drake.agent.planning.timing import time_path
+from selftouch_drake.bodies.drake import rates_through
 from selftouch_drake.quotient.smooth import smooth_path
 from selftouch_drake.systems import PlanSource
 
@@ -51,6 +53,17 @@ def test_it_follows_the_cubic_through_the_samples_and_rests_at_the_ends():
         expected = np.concatenate([path(time), path(time, 1)])
         np.testing.assert_allclose(commanded(source, context, time), expected, atol=1e-9)
     np.testing.assert_allclose(commanded(source, context, 7.0), [*given.q[-1], 0, 0], atol=1e-12)
+
+
+def test_a_body_that_is_given_positions_alone_takes_the_same_course():
+    waypoints = np.random.default_rng(3).uniform(-1, 1, (6, 3))
+    path = smooth_path(waypoints, limits=(np.full(3, -2.0), np.full(3, 2.0)))
+    timed = time_path(path, velocity_limit=np.ones(3), acceleration_limit=np.full(3, 5.0))
+    v = rates_through(timed.time_s, timed.q)
+    assert np.abs(v - timed.v).max() < 3e-4
+    theirs, ours = (CubicHermiteSpline(timed.time_s, timed.q, rates) for rates in (v, timed.v))
+    between = np.linspace(0.0, timed.time_s[-1], 20 * len(timed.time_s))
+    assert np.abs(theirs(between) - ours(between)).max() < 1e-6
 
 
 def test_it_says_what_should_be_felt_now():

@@ -161,7 +161,7 @@ def test_a_slide_is_told_from_a_turn_by_few():
     assert misfit(model.place(all_q, np.zeros(len(all_q), dtype=int)), all_y) < 1.5
 
 
-@pytest.mark.parametrize("what", ["mixed", "shuffled"])
+@pytest.mark.parametrize("what", ["mixed", pytest.param("shuffled", marks=pytest.mark.slow)])
 def test_no_chain_is_no_body(what):
     q, sensation, _, _ = sample(160)
     if what == "mixed":

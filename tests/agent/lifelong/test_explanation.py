@@ -12,11 +12,13 @@ from selftouch_drake.agent.lifelong.explanation import explain_change
 from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
 
 NUM_OLD = 6000
+#: Steps that train an expectation.
+NUM_STEPS = 1000
 
 
 @pytest.fixture(scope="module")
 def expectation(touches):
-    return Expectation(touches[:5000], num_steps=1600)
+    return Expectation(touches[:5000], num_steps=NUM_STEPS)
 
 
 def found(expectation, touches, change):
@@ -25,7 +27,7 @@ def found(expectation, touches, change):
     since = TouchSet(*change(new.q.copy(), new.sensation.copy()))
     since = since[since.sensation.any(axis=1)]
     before = touches[:NUM_OLD]
-    return explain_change(expectation, before[5000:], before, since, num_steps=1600)
+    return explain_change(expectation, before[5000:], before, since, num_steps=NUM_STEPS)
 
 
 def test_it_expects_what_it_feels(touches, expectation):
@@ -90,7 +92,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
     before = TouchSet(q, blind)[:NUM_OLD]
-    expectation = Expectation(before[:5000][some[:5000]], num_steps=1600)
+    expectation = Expectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
     usual = before[5000:][some[5000:NUM_OLD]]
     change = explain_change(expectation, usual, before, touches[NUM_OLD:])
     assert np.flatnonzero(change.new.receptors).tolist() == [7]
@@ -121,6 +123,7 @@ def test_receptors_that_felt_less_often_are_new_too_and_touches_unlike_all_stay_
     assert np.array_equal(NewReceptors(silent_before, once).filled_in(before), before)
 
 
+@pytest.mark.slow
 def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(touches):
     # Place by place: the last places are not those that the agent learned from.
     _, place = cKDTree(touches.q[:150]).query(touches.q)
@@ -141,6 +144,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     assert displaced.surprise_left(others) < 0.8 * change.surprise_left(others)
 
 
+@pytest.mark.slow
 def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
     expectation, touches, unbent, monkeypatch
 ):

@@ -51,6 +51,7 @@ def test_it_knows_what_the_offline_learner_knows():
             assert edge_lengths(now, place).max() < 1.3 * edge_lengths(offline, place).max()
 
 
+@pytest.mark.slow
 def test_touches_of_a_hand_with_skin_are_remembered_for_either_side():
     q, sensation, skin, place = touch(["sphere", "tube"], 6000, hand="cap")
     learner = lived(q, sensation, num_targets=120, max_kernel_size=60)

@@ -31,6 +31,7 @@ def lived(touches, num_steps, chunk=6500):
     return life
 
 
+@pytest.mark.slow
 def test_a_displacement_is_learned_again(touches, unbent):
     q = np.concatenate([touches.q[:5000], unbent(touches.q[5000:])])
     life = lived(TouchSet(q, touches.sensation), 200)

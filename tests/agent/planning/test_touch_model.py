@@ -48,6 +48,14 @@ def met(q, firmness=None):
     return representation, csr_array(sensation.astype(np.float32))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _small_networks():
+    """A ring in six joints is told by half the hidden units."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(touch_model, "_HIDDEN", (64, 64, 64))
+        yield
+
+
 @pytest.fixture(scope="module")
 def known():
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (200_000, 6))

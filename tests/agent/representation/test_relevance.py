@@ -12,7 +12,7 @@ from selftouch_drake.agent.representation.quotient import NO_MODE, mattering
 from selftouch_drake.agent.representation.relevance import likely_modes
 
 LEFT, RIGHT = slice(0, 3), slice(3, 6)
-NUM_ROWS = 40_000
+NUM_ROWS = 24_000
 
 
 def two_hands(seed=0):

@@ -29,8 +29,17 @@ def true_positions(representation, place):
 
 
 @pytest.fixture(scope="module")
-def bodies(touched):
-    return {metric: recover(touched[0], metric, holes=False).parts[0] for metric in SHAPE_METRICS}
+def reported():
+    """The fractions that were reported while each metric recovered a body."""
+    return {metric: [] for metric in SHAPE_METRICS}
+
+
+@pytest.fixture(scope="module")
+def bodies(touched, reported):
+    return {
+        metric: recover(touched[0], metric, holes=False, progress=reported[metric].append).parts[0]
+        for metric in SHAPE_METRICS
+    }
 
 
 @pytest.mark.parametrize(
@@ -161,11 +170,11 @@ def test_sensations_keep_edges_on_the_surface(touched):
     assert pair not in surface_neighbours(distance, targets, part)[0].tolist()
 
 
-def test_progress_rises_to_one(touched):
-    fractions = []
-    recover(touched[0], "learned", progress=fractions.append)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
+@pytest.mark.usefixtures("bodies")
+@pytest.mark.parametrize("metric", ["motor", "learned", "sensorimotor"])
+def test_progress_rises_to_one(reported, metric):
+    assert reported[metric] == sorted(reported[metric])
+    assert reported[metric][-1] == 1.0
 
 
 def test_an_embedded_representation_is_otherwise_the_same(touched, bodies):

@@ -87,6 +87,7 @@ def lone_part(shape, metric):
     return recover(representation, metric), np.array([np.median(place[r], axis=0) for r in rows])
 
 
+@pytest.mark.slow
 def test_a_line_of_skin_is_laid_out_in_a_plane():
     body, true = lone_part("ring", "learned")
     (part,) = body.parts
