@@ -17,9 +17,11 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
+from selftouch_drake.agent.body_model.known_chain import ChainLearner
 from selftouch_drake.agent.lifelong.explorer import (
     ContactExplorer,
     Explorer,
+    ModelExplorer,
     PostureHolder,
     PostureSampler,
     RestlessExplorer,
@@ -75,6 +77,7 @@ class Exploration:
         else:
             (seed,) = experiment.random_stream("explorer").generate_state(1)
             self.mind = OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
+        self._chain = ChainLearner(seed=experiment.seed)
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
         self._agent: Agent | None = None
@@ -91,6 +94,11 @@ class Exploration:
         if self.experiment.babbling.seek == "postures" and not isinstance(self.mind, Life):
             return  # it does not go by what it knows
         self.mind.take(q, sensation)
+        # One chain explains one part; where time counts, the agent does not ask for it.
+        several = self._agent is not None and self._agent.representation.num_parts > 1
+        asks = self.experiment.representation.body_model == "auto"
+        if asks and not (self._leader.timed or several):
+            self._chain.take(q, sensation)
         learner = self.mind.learner if isinstance(self.mind, Life) else self.mind
         self._agent = None
         if learner.num_touches >= _AT_RANDOM and learner.knows:
@@ -110,7 +118,7 @@ class Exploration:
         if self._explorer is not None:
             return self._explorer
         if not timed:
-            return PostureSampler
+            return partial(ModelExplorer, chain=self._chain.known)
         return RestlessExplorer if isinstance(self.mind, Life) else ContactExplorer
 
     def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:

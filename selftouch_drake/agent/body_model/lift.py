@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from selftouch_drake.agent.body_model.reach import Reach
+from selftouch_drake.agent.body_model.reach import Reach, step_towards
 from selftouch_drake.agent.body_model.surface import TouchedSurface
 
 # Tolerances of the toucher's place across and along the skin, in distances of kernels.
@@ -14,8 +14,6 @@ _ACROSS, _ALONG = 0.05, 0.2
 _NEAR = 1.5
 # Steps of damped least squares that put a posture onto its place, each at most so long, mu.
 _PUT, _LONGEST = 8, 0.6
-# Share of the joints' squared reach by which these steps are damped.
-_DAMPED = 1e-3
 # Steps of Gauss-Newton over the whole motion, each at most so long, mu.
 _SMOOTHED, _MOST = 15, 0.5
 # A step that does not pay is halved so often; when one gains less than this share, the motion is
@@ -116,13 +114,7 @@ class Lifter:
         lower, upper = self.lower[joints], self.upper[joints]
         for _ in range(steps):
             at, by_x = self.places(x, normal)
-            square = np.einsum("nal,nbl->nab", by_x, by_x)
-            damping = _DAMPED * np.einsum("naa->n", square)
-            square += damping[:, None, None] * np.eye(3)
-            pull = np.linalg.solve(square, (place - at)[:, :, None])[:, :, 0]
-            step = np.einsum("nal,na->nl", by_x, pull)
-            size = np.linalg.norm(step, axis=1, keepdims=True)
-            step *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-12))
+            step = step_towards(place - at, by_x, _LONGEST)
             x[:, joints] = np.clip(x[:, joints] + step, lower, upper)
         return x
 

@@ -8,6 +8,9 @@ from selftouch_drake.agent.body_model.chain import slopes
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel
 from selftouch_drake.agent.body_model.support import bulge
 
+# Share of the joints' squared reach by which a step towards a place is damped.
+_DAMPED = 1e-3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reach:
@@ -73,3 +76,23 @@ class Reach:
         away = -np.einsum("nij,ni->nj", turn, normal)
         place, by_q, _ = slopes(q, self.twists, self.point + bulge(self.shape, away), self.signs)
         return place, by_q
+
+
+def step_towards(way: np.ndarray, by_q: np.ndarray, longest: float) -> np.ndarray:
+    """`(n, L)` a step of the joints that brings a toucher nearer to where it should be.
+
+    Damped least squares: the shortest step that does, no longer than `longest`.
+
+    Args:
+        way: `(n, 3)` from where it is to where it should be.
+        by_q: `(n, 3, L)` how the joints move it there.
+        longest: norm of a step.
+    """
+    square = np.einsum("nal,nbl->nab", by_q, by_q)
+    damping = _DAMPED * np.einsum("naa->n", square)
+    square += damping[:, None, None] * np.eye(3)
+    pull = np.linalg.solve(square, way[:, :, None])[:, :, 0]
+    step = np.einsum("nal,na->nl", by_q, pull)
+    size = np.linalg.norm(step, axis=1, keepdims=True)
+    step *= np.minimum(1.0, longest / np.maximum(size, 1e-12))
+    return step

@@ -15,6 +15,8 @@ from scipy.sparse import csc_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body_model.known_chain import KnownChain
+from selftouch_drake.agent.body_model.next_touch import Reachable, next_touches
 from selftouch_drake.agent.planning.members import firm_members
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
@@ -76,6 +78,12 @@ _TRIES = 12
 #: Random postures that are tried in one move.
 _AT_ONCE = 5
 
+#: Postures that are chosen at a time: one large batch loses what choosing gains.
+_BATCH = 50
+
+#: Where the agent looks if a posture misses the skin, in radii of the skin below its place.
+_DEPTHS = (0.04, -0.04, 0.1)
+
 #: Share of a joint's range by which a posture may be drawn beyond each limit. It then rests at the
 #: limit.
 _BEYOND = 2.0
@@ -111,6 +119,7 @@ class Explorer(ABC):
     def __post_init__(self) -> None:
         # The last touch.
         self.touch = self.q = np.asarray(self.q, dtype=float)
+        self._walk = np.zeros(len(self.q))
 
     @abstractmethod
     def moves(self) -> Moves:
@@ -118,6 +127,25 @@ class Explorer(ABC):
 
     def _go(self, path: np.ndarray) -> Moves:
         self._arrive(*(yield path))
+
+    def _random_walk(self, num_steps: int) -> np.ndarray:
+        """`(n, J)` the next configurations of a random walk that turns round at the limits."""
+        walk = [self.q]
+        for _ in range(num_steps):
+            walk.append(self._turned_round(walk[-1] + self._heading()))
+        return np.array(walk[1:])
+
+    def _heading(self) -> np.ndarray:
+        """`(J,)` the next step of a random walk, as fast as random babbling."""
+        kept = _PERSISTENCE**self.pace
+        noise = self.rng.standard_normal(len(self.q))
+        self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
+        return self._walk * self.pace * self.stride
+
+    def _turned_round(self, q: np.ndarray) -> np.ndarray:
+        """`(J,)` `q` within the limits; joints that pass a limit turn round."""
+        self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
+        return q.clip(self.lower, self.upper)
 
     def _arrive(self, q: np.ndarray, felt: np.ndarray) -> None:
         """Takes note of where it is after a move, what it feels there, and its last touch."""
@@ -140,7 +168,6 @@ class ContactExplorer(Explorer):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._walk = np.zeros(len(self.q))
         # How fast the felt force grows along each joint, N per stride.
         self._slope = np.zeros(len(self.q))
         self._wanted = 0.0
@@ -175,25 +202,6 @@ class ContactExplorer(Explorer):
         while self.touch is left:
             yield from self._go(self._random_walk(1))
         yield from self._straight(self.touch)
-
-    def _random_walk(self, num_steps: int) -> np.ndarray:
-        """`(n, J)` the next configurations of a random walk that turns round at the limits."""
-        walk = [self.q]
-        for _ in range(num_steps):
-            walk.append(self._turned_round(walk[-1] + self._heading()))
-        return np.array(walk[1:])
-
-    def _heading(self) -> np.ndarray:
-        """`(J,)` the next step of a random walk, as fast as random babbling."""
-        kept = _PERSISTENCE**self.pace
-        noise = self.rng.standard_normal(len(self.q))
-        self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
-        return self._walk * self.pace * self.stride
-
-    def _turned_round(self, q: np.ndarray) -> np.ndarray:
-        """`(J,)` `q` within the limits; joints that pass a limit turn round."""
-        self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
-        return q.clip(self.lower, self.upper)
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
@@ -332,6 +340,52 @@ class PostureSampler(Explorer):
         end = known.kernel_q[ahead[near.argmin()]]
         between = np.where(matters, (start + end) / 2, start)
         yield from self._look_about(between, _BETWEEN, _IN_GAP)
+
+
+@dataclass(eq=False)
+class ModelExplorer(Explorer):
+    """Makes the touches that teach most, as far as the chain of its body says; none costs time.
+
+    Before it knows one it walks at random.
+
+    Attributes:
+        chain: what it knows of its joints; None if nothing.
+    """
+
+    chain: KnownChain | None = None
+
+    def moves(self) -> Moves:
+        """Explores without end."""
+        planned = np.zeros((0, 3))
+        while True:
+            if self.chain is None:
+                yield from self._go(self._random_walk(_AT_ONCE))
+                continue
+            wanted = next_touches(
+                self.chain, _BATCH, self.rng, lower=self.lower, upper=self.upper, planned=planned
+            )
+            planned = np.concatenate([planned, wanted.place])
+            for row in self._tour(wanted.q):
+                yield from self._touch(self.chain, wanted.some(row))
+
+    def _tour(self, q: np.ndarray) -> Iterator[np.ndarray]:
+        """Yields the numbers of `(n, J)` postures, the nearest one first."""
+        left, here = np.arange(len(q)), self.q
+        while len(left):
+            away = np.linalg.norm((q[left] - here) / self.stride, axis=1)
+            nearest = int(away.argmin())
+            here = q[left[nearest]]
+            yield left[[nearest]]
+            left = np.delete(left, nearest)
+
+    def _touch(self, chain: KnownChain, wanted: Reachable) -> Moves:
+        """Goes there, and looks somewhat deeper and less deep if nothing is felt."""
+        yield from self._go(wanted.q)
+        for depth in _DEPTHS:
+            if self.felt.any():
+                return
+            place = wanted.place - depth * chain.radius * wanted.outward
+            yield from self._go(chain.put(wanted.q, place, self.lower, self.upper))
 
 
 @dataclass(eq=False)
