@@ -183,14 +183,13 @@ def walked(stored: Stored) -> Touched:
     return Touched(stored.q, stored.sensation, stored.step)
 
 
-def explored(name: str, seed: int, number: int, way="") -> Touched:
+def explored(name: str, seed: int, number: int) -> Touched:
     """As many touches that an active agent chooses."""
     babbling = {"strategy": "active", "num_samples": number}
     experiment = load_experiment(name, {"seed": seed, "babbling": babbling})
     body = make_bodies(experiment).babbling
     odometer = Odometer(body, strides(body, experiment.babbling.step_size))
-    from selftouch_drake.agent.lifelong.explorer import PostureSampler
-    exploration = Exploration(experiment, odometer, PostureSampler if way=="sampled" else None)
+    exploration = Exploration(experiment, odometer)
     q, sensation, went = [], [], []
     for size in walk_sizes(experiment):
         before = len(odometer.went) - 1
@@ -249,7 +248,7 @@ def main() -> None:
     parser.add_argument("--stored", type=int, default=12_000, help="touches that are babbled")
     parser.add_argument("--runs", type=Path, default=Path("runs/few_touches"))
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--ways", nargs="+", choices=("walk", "chosen", "sampled"), default=["walk"])
+    parser.add_argument("--ways", nargs="+", choices=("walk", "chosen"), default=["walk"])
     parser.add_argument("--labels", action="store_true", help="by labels alone")
     kinds = "; ".join(f"{kind}: {what}" for kind, what in CORRUPTIONS.items())
     parser.add_argument("--corrupt", nargs=2, metavar=("KIND", "AMOUNT"), help=kinds)
@@ -262,7 +261,7 @@ def main() -> None:
             stored = babbled(name, seed, args.stored, args.runs)
             for way in args.ways:
                 most = max(args.touches)
-                used = walked(stored) if way == "walk" else explored(name, seed, most, way)
+                used = walked(stored) if way == "walk" else explored(name, seed, most)
                 for number in args.touches:
                     row = look(name, seed, number, stored, used, args)
                     rows.setdefault((way, number), []).append(row)

@@ -19,12 +19,11 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.agent.body_model.known_chain import ChainLearner
 from selftouch_drake.agent.lifelong.explorer import (
+    RESTLESS,
     ContactExplorer,
     Explorer,
     ModelExplorer,
     PostureHolder,
-    PostureSampler,
-    RestlessExplorer,
 )
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
@@ -119,7 +118,9 @@ class Exploration:
             return self._explorer
         if not timed:
             return partial(ModelExplorer, chain=self._chain.known)
-        return RestlessExplorer if isinstance(self.mind, Life) else ContactExplorer
+        if isinstance(self.mind, Life):
+            return partial(ContactExplorer, dwell=RESTLESS)
+        return ContactExplorer
 
     def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:
         """The next round: explores until `num_rows` configurations that the body can take touch.

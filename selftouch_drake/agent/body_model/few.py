@@ -34,8 +34,6 @@ SLIDES, SLIDE_COST = 0.2, 0.05
 OPEN = 0.6
 # Touches that a search and a finish look at.
 _SEARCHED, _FINISHED = 256, 1000
-# Chains that began apart and whose criteria differ by less agree.
-_SAME = 0.05
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
 # steps at most.
 _FOLDS, _REFITTED = 5, 30
@@ -80,8 +78,7 @@ def found_by_sensation(
 ) -> FewFound | None:
     """The first chain that touches left out accept, else the smoothest.
 
-    The search ends, too, when two chains that began apart agree: nothing better was missed by
-    chance.
+    That chains which began apart agree proves nothing: with few touches they share false optima.
 
     Args:
         search: what to work on.
@@ -97,7 +94,6 @@ def found_by_sensation(
     group = Smooth(used[some], sensed.some(some).precision())
     labels = neighbourhoods(sensed, search.random)
     best: tuple[list[int], SmoothChain, Judgement] | None = None
-    criteria: list[float] = []
     for body in structure.found_chains(search, group, joints):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
@@ -105,8 +101,7 @@ def found_by_sensation(
         verdict = left_out_in_turn(q[:, order], sensed, labels, chain)
         if best is None or verdict.accepted or chain.criterion < best[1].criterion:
             best = order, chain, verdict
-        criteria = sorted([*criteria, chain.criterion])
-        if verdict.accepted or (len(criteria) > 1 and criteria[1] - criteria[0] < _SAME):
+        if verdict.accepted:
             break
     if best is None:
         return None

@@ -145,9 +145,7 @@ class ChainLearner:
         spread = spread_out(known.places(known.q), len(known.q) // 2)
         sensed = known.sensed.some(spread)
         labels = few.neighbourhoods(sensed, np.random.default_rng(self._seed))
-        verdict = few.left_out_in_turn(
-            known.standard(known.q[spread]), sensed, labels, known.chain
-        )
+        verdict = few.left_out_in_turn(known.standard(known.q[spread]), sensed, labels, known.chain)
         return verdict.accepted
 
 

@@ -15,10 +15,13 @@ from selftouch_drake.agent.body_model.known_chain import KnownChain, spread_out
 
 # Postures from which a batch is chosen.
 _TRIED = 1000
-# Touches beside one through which the skin is laid, how little it bends by itself, how far along it
-# the next touch lies, in their distances; and touches beside a place, near one of whose postures
-# the next posture lies.
-_BESIDE, _DAMPED, _FARTHEST, _LIVED = 12, 0.1, 1.5, 12
+# Touches beside one through which the skin is laid, of those that are not too light; and how far
+# along it the next touch lies at most, in their distances.
+_BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 2.5
+# How little the skin bends by itself.
+_DAMPED = 0.1
+# Touches beside a place, near one of whose postures the next posture lies.
+_LIVED = 12
 # How far a posture may be from the lived one, standard deviation in those of the joints.
 _AWAY = 0.5
 # A posture reaches a place if it comes nearer than this share of the skin's radius.
@@ -36,16 +39,16 @@ class Reachable:
     Attributes:
         q: `(m, J)` readings.
         place: `(m, 3)` where the toucher is.
-        outward: `(m, 3)` unit vectors out of the skin.
+        inner: `(m, 3)` places beneath the skin: on the way there the toucher meets it for sure.
     """
 
     q: np.ndarray
     place: np.ndarray
-    outward: np.ndarray
+    inner: np.ndarray
 
     def some(self, rows: np.ndarray) -> "Reachable":
         """Some of them."""
-        return Reachable(self.q[rows], self.place[rows], self.outward[rows])
+        return Reachable(self.q[rows], self.place[rows], self.inner[rows])
 
 
 def next_touches(
@@ -93,19 +96,20 @@ def reachable(
         upper: `(J,)` upper limits.
     """
     all_places = known.places(known.q)
-    firm = np.flatnonzero(known.strength >= np.median(known.strength))
+    firm = np.flatnonzero(known.strength >= np.quantile(known.strength, _LIGHT))
     skin = _patches(all_places[firm])
     one = random.integers(len(firm), size=number)
     turn = random.uniform(0, 2 * np.pi, number)
     step = random.uniform(0, _FARTHEST, number) * skin.size[one]
-    wanted, outward = skin.beside(one, step[:, None] * np.stack([np.cos(turn), np.sin(turn)], 1))
+    wanted = skin.beside(one, step[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    inner = skin.place[one] - skin.size[one, None] * skin.axes[one, 2]
     beside = cKDTree(all_places).query(wanted, k=min(_LIVED, len(all_places)))[1]
     lived = known.q[beside[np.arange(number), random.integers(beside.shape[1], size=number)]]
     away = _AWAY * known.scale * random.standard_normal(lived.shape)
     q = known.put((lived + away).clip(lower, upper), wanted, lower, upper)
     at = known.places(q)
     reached = np.linalg.norm(at - wanted, axis=1) < _REACHED * known.radius
-    return Reachable(q[reached], at[reached], outward[reached])
+    return Reachable(q[reached], at[reached], inner[reached])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,12 +128,11 @@ class _Patches:
     bend: np.ndarray
     size: np.ndarray
 
-    def beside(self, one: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(m, 3)` places `(m, 2)` along the skin from some, and what is outwards there."""
-        axes = self.axes[one]
+    def beside(self, one: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """`(m, 3)` places `(m, 2)` along the skin from some."""
         height = np.einsum("ni,ni->n", _powers(along), self.bend[one])
         flat = np.concatenate([along, height[:, None]], axis=1)
-        return self.place[one] + np.einsum("na,nab->nb", flat, axes), axes[:, 2]
+        return self.place[one] + np.einsum("na,nab->nb", flat, self.axes[one])
 
 
 def _patches(place: np.ndarray) -> _Patches:

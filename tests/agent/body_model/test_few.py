@@ -5,7 +5,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from hand_made_chains import an_arm, misfit, sample
-from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.find import find_body_model
