@@ -179,12 +179,12 @@ def informative(
     )
     across = scipy.linalg.solve_triangular(factor, _alike(place, at, length), lower=True)
     width = slope.shape[2]
-    rows = scipy.linalg.solve_triangular(factor, slope.reshape(len(slope), -1), lower=True)
+    flat = scipy.linalg.solve_triangular(factor, slope.reshape(len(slope), -1), lower=True)
     # What a touch says of the parameters beside those before it, and how unsure its place is.
-    fresh = slope_at - (across.T @ rows).reshape(-1, 3, width)
+    fresh = slope_at - (across.T @ flat).reshape(-1, 3, width)
     least = float(np.median(noise))
     variance = 1 + _MEAN + least - (across**2).sum(axis=0)
-    rows = rows.reshape(-1, width)
+    rows = flat.reshape(-1, width)
     information = rows.T @ rows
     ridge = 1e-9 * np.trace(information) / width * np.eye(width)
     covariance = np.linalg.inv(information + ridge)
