@@ -50,7 +50,7 @@ def new_life(experiment: Experiment) -> Life:
     born = partial(OnlineLearner, settings.num_targets, settings.max_kernel_size, seed=seed)
     samples = round(experiment.babbling.step_duration / CHOICE_S)
     every = max(samples, 1) if experiment.babbling.mode == "dynamic" else 1
-    return Life(born, seed=seed, every=every)
+    return Life(born, seed=seed, every=every, asks=settings.body_model == "auto")
 
 
 class Exploration:

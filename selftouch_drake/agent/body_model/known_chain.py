@@ -96,6 +96,11 @@ class KnownChain:
         found[:, self.joints] = self.center[self.joints] + self.scale[self.joints] * x
         return found.clip(lower, upper)
 
+    def felt_as(self, q: np.ndarray, sensation: np.ndarray) -> "KnownChain":
+        """The same chain, with `(n, J)` readings and `(n, S)` sensations in place of its own."""
+        sensed = Sensed.of(csr_array(sensation))
+        return replace(self, q=q.astype(float), sensed=sensed, strength=sensation.max(axis=1))
+
     def fitted_to(self, q: np.ndarray, sensation: np.ndarray) -> "KnownChain":
         """The chain as `(n, J)` readings and `(n, S)` sensations have it, from where it was."""
         sensed = Sensed.of(csr_array(sensation))
