@@ -99,7 +99,7 @@ class ChainChange:
         q = q.astype(float)
         if self.kind == Change.ZERO:
             q[:, self.joint] -= self.amount[0]
-            return q, ((q >= lower) & (q <= upper)).all(axis=1)
+            return q, np.all((q >= lower) & (q <= upper), axis=1)
         place = self.before.places(q)
         found = self.after.put(q, place, lower, upper)
         off = np.linalg.norm(self.after.places(found) - place, axis=1)

@@ -246,7 +246,7 @@ def _what_matters(known: KnownChain, random: np.random.Generator) -> np.ndarray:
         alike[:, :, axis] = np.cross(np.eye(3)[axis], place)
         alike[:, axis, 3 + axis] = 1.0
     alike[:, :, 6] = place
-    alike = alike.reshape(-1, 7)
-    moved = slope.reshape(len(alike), -1)
-    moved = moved - alike @ np.linalg.lstsq(alike, moved, rcond=None)[0]
+    of_space = alike.reshape(-1, 7)
+    moved = slope.reshape(len(of_space), -1)
+    moved = moved - of_space @ np.linalg.lstsq(of_space, moved, rcond=None)[0]
     return moved.T @ moved / len(place)

@@ -208,10 +208,10 @@ def _by_chain(
 ) -> BodyChange:
     """Finds what moved of a chain, by touches that are felt as they would be since the change."""
     felt = change.readings(known.touches.sensation)
-    left = felt.any(axis=1)
+    left = np.any(felt, axis=1)
     adapted = known.chain.felt_as(known.touches.q[left], felt[left])
     same = TouchSet(usual.q, change.readings(usual.sensation))
-    same = same[same.sensation.any(axis=1)][-_USUAL:]
+    same = same[np.any(same.sensation, axis=1)][-_USUAL:]
     found = explained(
         adapted,
         *foretold(adapted, (same.q, same.sensation), (touches.q, touches.sensation)),
