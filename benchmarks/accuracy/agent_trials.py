@@ -186,7 +186,7 @@ def exploring() -> Results:
     agent = Agent.of(representation, kernel_sensation=felt)
     body = DrakeBody(World(load_experiment("cube")))
     found: Results = {}
-    for kind in ("ContactExplorer", "RestlessExplorer", "PostureSampler", "PostureHolder"):
+    for kind in ("ContactExplorer", "ModelExplorer", "PostureHolder"):
         q = representation.kernel_q[0].astype(float)
         one = getattr(explorer, kind)(
             agent=agent,

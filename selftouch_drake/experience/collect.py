@@ -26,8 +26,9 @@ from selftouch_drake.files import remove_unfinished
 # A walk without a touch in this many steps is given up.
 PATIENCE = 2_000_000
 
-#: Number of touches in a first round of the active strategy.
-_FIRST_ROUND = 250
+#: Number of touches in a first round of the active strategy, in the kinematic world and under
+#: dynamics, where each round begins at rest.
+_FIRST_ROUND = {"kinematic": 50, "dynamic": 250}
 
 #: Number of touches in a later round, as a share of all so far.
 _ROUND_GROWS = 0.1
@@ -54,11 +55,12 @@ def walk_sizes(experiment: Experiment) -> list[int]:
     """
     size, total = experiment.babbling.walk_size, experiment.babbling.num_samples
     active = experiment.babbling.strategy == "active"
+    first = _FIRST_ROUND[experiment.babbling.mode]
     moments = {change.after for change in experiment.changes if 0 < change.after < total}
     sizes, done = list[int](), 0
     for end in (*sorted(moments), total):
         while done < end:
-            grown = max(_FIRST_ROUND, int(_ROUND_GROWS * done)) if active else size
+            grown = max(first, int(_ROUND_GROWS * done)) if active else size
             sizes.append(min(grown, size, end - done))
             done += sizes[-1]
     return sizes

@@ -17,12 +17,13 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
+from selftouch_drake.agent.body_model.known_chain import ChainLearner
 from selftouch_drake.agent.lifelong.explorer import (
+    RESTLESS,
     ContactExplorer,
     Explorer,
+    ModelExplorer,
     PostureHolder,
-    PostureSampler,
-    RestlessExplorer,
 )
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
@@ -49,7 +50,7 @@ def new_life(experiment: Experiment) -> Life:
     born = partial(OnlineLearner, settings.num_targets, settings.max_kernel_size, seed=seed)
     samples = round(experiment.babbling.step_duration / CHOICE_S)
     every = max(samples, 1) if experiment.babbling.mode == "dynamic" else 1
-    return Life(born, seed=seed, every=every)
+    return Life(born, seed=seed, every=every, asks=settings.body_model == "auto")
 
 
 class Exploration:
@@ -75,6 +76,7 @@ class Exploration:
         else:
             (seed,) = experiment.random_stream("explorer").generate_state(1)
             self.mind = OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
+        self._chain = ChainLearner(seed=experiment.seed)
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
         self._agent: Agent | None = None
@@ -91,6 +93,11 @@ class Exploration:
         if self.experiment.babbling.seek == "postures" and not isinstance(self.mind, Life):
             return  # it does not go by what it knows
         self.mind.take(q, sensation)
+        # One chain explains one part; where time counts, the agent does not ask for it.
+        several = self._agent is not None and self._agent.representation.num_parts > 1
+        asks = self.experiment.representation.body_model == "auto"
+        if asks and not (self._leader.timed or several):
+            self._chain.take(q, sensation)
         learner = self.mind.learner if isinstance(self.mind, Life) else self.mind
         self._agent = None
         if learner.num_touches >= _AT_RANDOM and learner.knows:
@@ -110,8 +117,10 @@ class Exploration:
         if self._explorer is not None:
             return self._explorer
         if not timed:
-            return PostureSampler
-        return RestlessExplorer if isinstance(self.mind, Life) else ContactExplorer
+            return partial(ModelExplorer, chain=self._chain.known)
+        if isinstance(self.mind, Life):
+            return partial(ContactExplorer, dwell=RESTLESS)
+        return ContactExplorer
 
     def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:
         """The next round: explores until `num_rows` configurations that the body can take touch.

@@ -61,6 +61,7 @@ SMALL: dict[str, list[str]] = {
         *("--targets", "20"),
         *("--pairs", "2"),
     ],
+    "life/explained": ["--bodies=sphere", "--kinds=joint", "--before=300", "--since=50"],
     "life/walks": ["--experiment", "sphere", "--touches", "50"],
     "accuracy/servo": [
         "cube",

@@ -26,12 +26,11 @@ SKINS = {
 }
 
 
-def active(num_samples, **babbling):
+def active(num_samples, model="off", **babbling):
     given = {"strategy": "active", "num_samples": num_samples} | babbling
-    return load_experiment(
-        "sphere",
-        {"skins": SKINS, "babbling": given, "representation": {"num_targets": 50}},
-    )
+    # Most tests do without the search for a chain, which takes seconds.
+    learned = {"num_targets": 50, "body_model": model}
+    return load_experiment("sphere", {"skins": SKINS, "babbling": given, "representation": learned})
 
 
 def living(experiment):
@@ -64,10 +63,12 @@ def reference(tmp_path_factory):
 
 def test_rounds_grow_with_the_experience():
     sizes = walk_sizes(active(10_000))
-    assert sizes[:4] == [250, 250, 250, 250]
+    assert sizes[:4] == [50, 50, 50, 50]
     assert sizes[-2] > 500
     assert sum(sizes) == 10_000
     assert max(walk_sizes(active(10_000, walk_size=300))) == 300
+    # Under dynamics each one begins at rest.
+    assert walk_sizes(active(10_000, mode="dynamic"))[:2] == [250, 250]
 
 
 def test_what_touches_is_kept_as_it_is_felt(reference):
@@ -158,11 +159,22 @@ def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
 def test_the_agent_is_naive(reference):
     """Without the truth of the rounds before it does the same."""
     life = living(active(750))
-    reader = ExperienceReader(reference[0].experience)
-    q, sensation = reader.read("q"), reader.read("sensation")
-    for number in range(2):
-        life.remember(q[250 * number :][:250], sensation[250 * number :][:250])
-    np.testing.assert_array_equal(life.explore(250).q, q[500:])
+    rounds = list(ExperienceReader(reference[0].experience).touches())
+    for sensation, q in rounds[:-1]:
+        life.remember(q, sensation)
+    _, last = rounds[-1]
+    np.testing.assert_array_equal(life.explore(len(last)).q, last)
+
+
+def test_by_the_chain_of_its_body_it_touches_more_often(tmp_path):
+    run, _ = explored(tmp_path / "run", active(200, model="auto"))
+    wanted = shards(run)
+    share = [50 / (steps[-1] + 1) for steps in ExperienceReader(run.experience).steps()]
+    assert min(share[2:]) > 2 * max(share[:2])
+    # Stopped, it goes on to the same bytes.
+    (run.experience / shard_name(3)).unlink()
+    explored_into(run)
+    assert shards(run) == wanted
 
 
 def test_it_explores_under_dynamics(tmp_path):

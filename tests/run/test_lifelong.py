@@ -78,7 +78,7 @@ def test_a_life_is_shown_and_kept_as_curves(run):
     page = Page()
     curves = live(run, page)
     assert page.seen == [0, 1]
-    assert page.robot.status == "1,000 touches: it is learning"
+    assert page.robot.status == "1,200 touches: it is learning"
     assert curves.touches[-1] >= 750
     assert (np.diff(curves.coverage) >= 0).all()
     assert 0.9 < curves.coverage[-1] <= 1

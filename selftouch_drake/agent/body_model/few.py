@@ -28,10 +28,12 @@ from selftouch_drake.agent.body_model.structure import Search
 
 #: With fewer touches no body is looked for; with more kernels are as good, and cheaper.
 FEWEST, MOST = 40, 2000
+#: A joint slides if it turns by less over its range, in radians, and if not to turn costs less.
+SLIDES, SLIDE_COST = 0.2, 0.05
+#: Below this turn, in radians, turning and sliding look alike.
+OPEN = 0.6
 # Touches that a search and a finish look at.
 _SEARCHED, _FINISHED = 256, 1000
-# Chains that began apart and whose criteria differ by less agree.
-_SAME = 0.05
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
 # steps at most.
 _FOLDS, _REFITTED = 5, 30
@@ -72,28 +74,17 @@ class FewFound:
 
 
 def found_by_sensation(
-    search: Search,
-    q: np.ndarray,
-    sensation: csr_array,
-    joints: list[int],
-    *,
-    open_below: float,
-    slides_below: float,
-    slide_cost: float,
+    search: Search, q: np.ndarray, sensation: csr_array, joints: list[int]
 ) -> FewFound | None:
     """The first chain that touches left out accept, else the smoothest.
 
-    The search ends, too, when two chains that began apart agree: nothing better was missed by
-    chance.
+    That chains which began apart agree proves nothing: with few touches they share false optima.
 
     Args:
         search: what to work on.
         q: `(n, J)` standardised readings.
         sensation: `(n, S)` readings of the receptors.
         joints: that move.
-        open_below: a joint that turns by less, in radians, is open.
-        slides_below: it slides if it turns by less than this, and
-        slide_cost: if not to turn costs less than this.
     """
     all_sensed = Sensed.of(sensation)
     used = np.sort(search.random.permutation(len(q))[:_FINISHED])
@@ -103,7 +94,6 @@ def found_by_sensation(
     group = Smooth(used[some], sensed.some(some).precision())
     labels = neighbourhoods(sensed, search.random)
     best: tuple[list[int], SmoothChain, Judgement] | None = None
-    criteria: list[float] = []
     for body in structure.found_chains(search, group, joints):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
@@ -111,16 +101,12 @@ def found_by_sensation(
         verdict = left_out_in_turn(q[:, order], sensed, labels, chain)
         if best is None or verdict.accepted or chain.criterion < best[1].criterion:
             best = order, chain, verdict
-        criteria = sorted([*criteria, chain.criterion])
-        if verdict.accepted or (len(criteria) > 1 and criteria[1] - criteria[0] < _SAME):
+        if verdict.accepted:
             break
     if best is None:
         return None
     order, chain, verdict = best
-    chain, kinds = _kinds(
-        q[:, order], precision, chain, open_below=open_below, slides_below=slides_below,
-        slide_cost=slide_cost,
-    )  # fmt: skip
+    chain, kinds = _kinds(q[:, order], precision, chain)
     kind = np.full(q.shape[1], int(JointKind.UNUSED))
     kind[order] = kinds
     twists = np.zeros((q.shape[1], 6))
@@ -203,22 +189,16 @@ def left_out_in_turn(
 
 
 def _kinds(
-    q: np.ndarray,
-    precision: np.ndarray,
-    chain: SmoothChain,
-    *,
-    open_below: float,
-    slides_below: float,
-    slide_cost: float,
+    q: np.ndarray, precision: np.ndarray, chain: SmoothChain
 ) -> tuple[SmoothChain, list[int]]:
     """Which joints turn, slide, or leave it open; those that slide do not turn at all."""
     turn = np.linalg.norm(chain.twists[:, :3], axis=1) * np.ptp(q, axis=0)
     kinds = [int(JointKind.TURNS)] * len(turn)
     for joint in np.argsort(turn, kind="stable"):
-        if turn[joint] >= open_below:
+        if turn[joint] >= OPEN:
             break
         kinds[joint] = int(JointKind.OPEN)
-        if turn[joint] < slides_below:
+        if turn[joint] < SLIDES:
             straight = chain.twists.copy()
             straight[joint, :3] = 0
             slides = np.array([kind == JointKind.SLIDES for kind in kinds])
@@ -226,7 +206,7 @@ def _kinds(
             trial = finished(
                 q, precision, SmoothChain(straight, chain.point, np.inf), slides=slides
             )
-            if trial.criterion - chain.criterion < slide_cost:
+            if trial.criterion - chain.criterion < SLIDE_COST:
                 chain, kinds[joint] = trial, int(JointKind.SLIDES)
     return chain, kinds
 

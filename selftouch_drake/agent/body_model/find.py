@@ -46,10 +46,6 @@ from selftouch_drake.agent.body_model.who_touched import started
 _SEARCHED, _REFINED = 25_000, 40_000
 # Touchers on one link, at most.
 _MOST_TOUCHERS = 4
-# A joint slides if it turns by less over its range, in radians, and if not to turn costs less.
-_SLIDES, _SLIDE_COST = 0.2, 0.05
-# Below this turn, in radians, turning and sliding look alike.
-_OPEN = 0.6
 # Neighbours may change places if that costs less.
 _SWAPS = 0.02
 # Chains that began apart and whose criteria differ by less agree.
@@ -229,9 +225,8 @@ def _find_by_sensation(
 ) -> Found | None:
     """The body of one part by one toucher, from few touches."""
     chain = few.found_by_sensation(
-        search, touches.q, csr_array(sensation)[touches.rows], touches.moving,
-        open_below=_OPEN, slides_below=_SLIDES, slide_cost=_SLIDE_COST,
-    )  # fmt: skip
+        search, touches.q, csr_array(sensation)[touches.rows], touches.moving
+    )
     if chain is None:
         return None
     part = int(touches.part[touches.target[0]])
@@ -423,10 +418,10 @@ def _kinds(
     low, high = np.quantile(touches.q, [0.005, 0.995], axis=0)
     turn = np.linalg.norm(solution.twists[:, :3], axis=1) * (high - low)
     for joint in sorted(used, key=lambda joint: turn[joint]):
-        if turn[joint] >= _OPEN:
+        if turn[joint] >= few.OPEN:
             continue
         kind[joint] = JointKind.OPEN
-        if turn[joint] < _SLIDES:
+        if turn[joint] < few.SLIDES:
             trial_fixed = fixed.copy()
             trial_fixed[6 * joint : 6 * joint + 3] = True
             straight = solution.twists.copy()
@@ -434,7 +429,7 @@ def _kinds(
             trial = started(scene, straight, solution.points)
             trial = refined(scene, trial, fixed=trial_fixed, tick=search.tick)
             cost = np.nanmean(trial.criterion) - np.nanmean(solution.criterion)
-            if cost < _SLIDE_COST:
+            if cost < few.SLIDE_COST:
                 kind[joint], solution, fixed = JointKind.SLIDES, trial, trial_fixed
     return solution, kind, fixed
 

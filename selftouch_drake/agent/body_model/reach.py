@@ -196,3 +196,23 @@ def _solved(A, x, y, z):
         (c1 * x + d1 * y + e1 * z) / size,
         (c2 * x + d2 * y + e2 * z) / size,
     )
+
+
+def step_towards(way: np.ndarray, by_q: np.ndarray, longest: float) -> np.ndarray:
+    """`(n, L)` a step of the joints that brings a toucher nearer to where it should be.
+
+    Damped least squares: the shortest step that does, no longer than `longest`.
+
+    Args:
+        way: `(n, 3)` from where it is to where it should be.
+        by_q: `(n, 3, L)` how the joints move it there.
+        longest: norm of a step.
+    """
+    square = np.einsum("nal,nbl->nab", by_q, by_q)
+    damping = _DAMPED * np.einsum("naa->n", square)
+    square += damping[:, None, None] * np.eye(3)
+    pull = np.linalg.solve(square, way[:, :, None])[:, :, 0]
+    step = np.einsum("nal,na->nl", by_q, pull)
+    size = np.linalg.norm(step, axis=1, keepdims=True)
+    step *= np.minimum(1.0, longest / np.maximum(size, 1e-12))
+    return step

@@ -38,28 +38,31 @@ class Sensed:
         share: `(n, S)` share of each receptor.
         noise: `(n,)` variance.
         scale: of the linear part.
+        typical: the median of their greatest readings.
     """
 
     share: np.ndarray
     noise: np.ndarray
     scale: float
+    typical: float
 
     @staticmethod
     def of(sensation: csr_array) -> "Sensed":
         """From `(n, S)` readings."""
         dense = np.maximum(np.asarray(sensation.toarray(), dtype=float), 0)
-        power = dense**_POWER
-        share = power / np.maximum(power.sum(axis=1, keepdims=True), 1e-30)
-        strongest = dense.max(axis=1)
-        typical = max(float(np.median(strongest)), 1e-30)
-        weak = np.exp(-strongest / (_WEAK * typical))
-        return Sensed(
-            share, _NOISE * (1 + _WEAK_NOISE * weak), max(float((share**2).sum(1).mean()), 1e-30)
-        )
+        typical = max(float(np.median(dense.max(axis=1))), 1e-30)
+        share = _shares(dense)
+        scale = max(float((share**2).sum(1).mean()), 1e-30)
+        return Sensed(share, _noise(dense, typical), scale, typical)
 
     def some(self, rows: np.ndarray) -> "Sensed":
         """Some of the touches, on the same scale."""
-        return Sensed(self.share[rows], self.noise[rows], self.scale)
+        return Sensed(self.share[rows], self.noise[rows], self.scale, self.typical)
+
+    def like(self, sensation: csr_array) -> "Sensed":
+        """Other touches, `(m, S)` readings, on the scale of these."""
+        dense = np.maximum(np.asarray(sensation.toarray(), dtype=float), 0)
+        return Sensed(_shares(dense), _noise(dense, self.typical), self.scale, self.typical)
 
     def covariance(self, other: "Sensed") -> np.ndarray:
         """`(n, m)` covariance of places, without noise."""
@@ -85,6 +88,18 @@ class Sensed:
         middle = ones @ place / ones.sum()
         weight = scipy.linalg.cho_solve(factor, place - middle)
         return middle + other.covariance(self) @ weight
+
+
+def _shares(readings: np.ndarray) -> np.ndarray:
+    """`(n, S)` shares of receptors in readings, none of which is negative."""
+    power = readings**_POWER
+    return power / np.maximum(power.sum(axis=1, keepdims=True), 1e-30)
+
+
+def _noise(readings: np.ndarray, typical: float) -> np.ndarray:
+    """`(n,)` variance: weak touches have more."""
+    weak = np.exp(-readings.max(axis=1) / (_WEAK * typical))
+    return _NOISE * (1 + _WEAK_NOISE * weak)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,11 +185,19 @@ def spread(
     That of least squares weighted by the process, which is right as far as the process is.
     """
     _, hessian = _equations(q, precision, chain.twists, chain.point)
+    rest = tangent(chain, slides)
+    return rest @ np.linalg.inv(rest.T @ hessian @ rest) @ rest.T * (2 / len(q))
+
+
+def tangent(chain: SmoothChain, slides: np.ndarray) -> np.ndarray:
+    """`(6 L + 3, p)` orthonormal directions of twists and point that touch can tell.
+
+    Joints turn or, where `(L,)` `slides`, slide; a similarity of all of space changes nothing.
+    """
     free = _free(chain.twists, slides)
     free = free[:, free.any(axis=0)]
     of_gauge = free.T @ gauge(chain.twists, chain.point[None])
-    rest = free @ scipy.linalg.null_space(of_gauge.T)
-    return rest @ np.linalg.inv(rest.T @ hessian @ rest) @ rest.T * (2 / len(q))
+    return free @ scipy.linalg.null_space(of_gauge.T)
 
 
 def without_pitch(twists: np.ndarray) -> np.ndarray:

@@ -1,9 +1,11 @@
 """A change of the body, as the agent describes it: what its readings mean since then (naive)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.chain_change import ChainChange
 from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet
 from selftouch_drake.agent.lifelong.new_receptors import FELT, NewReceptors
 from selftouch_drake.agent.network import Network
@@ -32,12 +34,14 @@ class BodyChange:
         source: `(S,)` number of the old receptor that each reading now comes from.
         silent: `(S,)` bool, receptors that no longer feel.
         new: receptors that never felt before, and what they would have felt.
-        offset: `(J,)` difference between where each joint is and what it reads.
+        chain: what changed of the chain of joints, if the agent knows one and something did.
+        offset: `(J,)` difference between where each joint is and what it reads, if it knows none.
         displacement: networks from standardised configurations to a further difference, in standard
             deviations; their mean counts. There are none if the offset explains all.
         through: expectations, from blunt to sharp, through which the displacement was learned; none
             before it is.
         reach: `(2, J)` least and greatest reading of each joint, before and after the change.
+        left: surprise that it leaves, relative to what is usual.
     """
 
     expectation: Expectation
@@ -45,13 +49,15 @@ class BodyChange:
     silent: np.ndarray
     new: NewReceptors
     offset: np.ndarray
+    chain: ChainChange | None = None
     displacement: tuple[Network, ...] = ()
     through: tuple[Expectation, ...] = ()
     reach: np.ndarray
+    left: float = math.inf
 
     def expected(self, q: np.ndarray) -> np.ndarray:
         """`(n, S)` N, what is expected now at `q` `(n, J)`."""
-        return self._readings(self.expectation(self._as_before(q)))
+        return self.readings(self.expectation(self._as_before(q)))
 
     def surprise_left(self, touches: TouchSet) -> float:
         """Geometric mean of the surprise of touches, if this is what changed.
@@ -68,7 +74,7 @@ class BodyChange:
         Those in which nothing would be felt now are forgotten. If there is a displacement, the
         lightest are forgotten too, and those at readings that no joint had.
         """
-        felt = self._readings(touches.sensation)
+        felt = self.readings(touches.sensation)
         # If only a faint receptor at the rim of a touch remains, it says little of its place.
         strength = np.linalg.norm(felt, axis=1)
         holds = strength > 2 * FELT * np.linalg.norm(touches.sensation, axis=1)
@@ -77,6 +83,9 @@ class BodyChange:
         if self.displacement and holds.any():
             holds &= strength >= np.quantile(strength[holds], _LIGHTEST)
         q = touches.q[holds]
+        if self.chain is not None:
+            now, reached = self.chain.moved(q, *self.reach)
+            return TouchSet(now[reached].astype(np.float32), felt[holds][reached])
         now = q - self.offset
         if not self.displacement:
             return TouchSet(now.astype(np.float32), felt[holds])
@@ -97,6 +106,8 @@ class BodyChange:
         ]
         if len(swapped):
             found.append(f"{len(swapped)} receptors changed places")
+        if self.chain is not None:
+            found.append(self.chain.in_words)
         # A displacement says more than numbers that were not enough.
         if self.displacement:
             found.append("all joints act as if they were a little elsewhere")
@@ -107,13 +118,15 @@ class BodyChange:
             ]
         return "; ".join(found) or "nothing that explains it"
 
-    def _readings(self, sensation: np.ndarray) -> np.ndarray:
+    def readings(self, sensation: np.ndarray) -> np.ndarray:
         """`(n, S)` N, what is read since the change where the old body would have felt this."""
         felt = self.new.filled_in(sensation[:, self.source])
         return np.where(self.silent, 0.0, felt).astype(np.float32)
 
     def _as_before(self, q: np.ndarray) -> np.ndarray:
         """`(n, J)` readings of the old body where the changed one reads `q` `(n, J)`."""
+        if self.chain is not None:
+            return self.chain.as_before(q, *self.reach)
         moved = q + self.offset
         if not self.displacement:
             return moved

@@ -12,6 +12,8 @@ from typing import Self
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
+from selftouch_drake.agent.body_model.chain_change import explained, foretold
+from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
@@ -28,11 +30,14 @@ from selftouch_drake.quotient.sensations import unit
 _WORTH = 0.9
 
 #: The search for explanations ends once the ratio of surprises is at most this.
-_ENOUGH = 1.1
+ENOUGH = 1.1
 
 #: A reading moved if its cosine with what another receptor should feel exceeds by this much the
 #: cosine with what its own receptor should feel.
 _BETTER = 0.3
+
+#: Usual touches that say how exactly sensations foretell places.
+_USUAL = 400
 
 #: Offsets of a joint are tried within so many standard deviations to either side.
 _REACH = 1.0
@@ -65,12 +70,21 @@ _BATCH = 512
 _PENALTY = 0.2
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LivedChain:
+    """A chain, and the touches from before the change to which it was fitted."""
+
+    chain: KnownChain
+    touches: TouchSet
+
+
 def explain_change(
     expectation: Expectation,
     usual: TouchSet,
     before: TouchSet,
     since: TouchSet,
     *,
+    known: LivedChain | None = None,
     num_steps: int = NUM_STEPS,
     seed: int = 0,
 ) -> BodyChange:
@@ -78,7 +92,8 @@ def explain_change(
 
     The usual ones are the last from before the change, in order, from which the expectation did not
     learn; as many of them count as there are touches since. No sensation is null. The steps train
-    an expectation.
+    an expectation. If a chain is known, what moved is the fewest numbers of it that explain where
+    touches are felt.
     """
     fitted, judged = _divided(since)
     usual_fitted, usual_judged = _divided(usual[-len(since) :])
@@ -101,19 +116,21 @@ def explain_change(
     )
     best = _Explanation.judged(unchanged, by_chance, judged, usual_judged)
     displaced = partial(_displaced_through_expectations, before, num_steps, seed)
-    for explained in (_rewired, _with_offset, displaced):
-        if best.ratio <= _ENOUGH:
+    way = partial(_by_chain, known, usual) if known is not None else None
+    for tried in (_rewired, way) if way else (_rewired, _with_offset, displaced):
+        if best.ratio <= ENOUGH:
             break
         found = _Explanation.judged(
-            explained(best.change, fitted),
-            explained(best.by_chance, usual_fitted),
+            tried(best.change, fitted),
+            tried(best.by_chance, usual_fitted),
             judged,
             usual_judged,
         )
         if found.ratio < _WORTH * best.ratio:
             best = found
     # One silent receptor of many leaves hardly any surprise.
-    change = replace(best.change, silent=best.change.silent | _silent(best.change, since))
+    silent = best.change.silent | _silent(best.change, since)
+    change = replace(best.change, silent=silent, left=best.ratio)
     return refined(change, since, seed=seed)
 
 
@@ -184,6 +201,23 @@ def _rewired(change: BodyChange, touches: TouchSet) -> BodyChange:
         moved &= ~lost
     source = np.where(moved, was, reading)
     return replace(change, source=source, silent=_silent(change, touches))
+
+
+def _by_chain(
+    known: LivedChain, usual: TouchSet, change: BodyChange, touches: TouchSet
+) -> BodyChange:
+    """Finds what moved of a chain, by touches that are felt as they would be since the change."""
+    felt = change.readings(known.touches.sensation)
+    left = np.any(felt, axis=1)
+    adapted = known.chain.felt_as(known.touches.q[left], felt[left])
+    same = TouchSet(usual.q, change.readings(usual.sensation))
+    same = same[np.any(same.sensation, axis=1)][-_USUAL:]
+    found = explained(
+        adapted,
+        *foretold(adapted, (same.q, same.sensation), (touches.q, touches.sensation)),
+    )
+    q = np.concatenate([change.reach, touches.q])
+    return replace(change, chain=found, reach=np.stack([q.min(axis=0), q.max(axis=0)]))
 
 
 def _silent(change: BodyChange, touches: TouchSet) -> np.ndarray:

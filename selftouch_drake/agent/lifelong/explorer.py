@@ -1,9 +1,9 @@
 """Exploration: the agent decides from what it knows where to go (naive).
 
-The agent goes to what it knows least: a sensation that it seldom felt, or a link for which it has
-no good step. A move is a few configurations. An explorer yields it, and is sent what was felt on
-the way. It does not know what makes the move. Where time counts, a `ContactExplorer` stays in
-contact; where only touches count, a `PostureSampler` tries postures anywhere.
+A move is a few configurations. An explorer yields it, and is sent what was felt on the way. It does
+not know what makes the move. Where time counts, a `ContactExplorer` stays in contact, and goes to
+what it knows least: a sensation that it seldom felt, or a link for which it has no good step. Where
+only touches count, a `ModelExplorer` makes those that teach most about joints and skin.
 """
 
 from abc import ABC, abstractmethod
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_array
-from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.planning.members import firm_members
-from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
+from selftouch_drake.agent.body_model.known_chain import KnownChain
+from selftouch_drake.agent.body_model.next_touch import Reachable, next_touches
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: The explorer yields `(n, J)` configurations to pass. It is sent those that were passed, likewise,
 #: and what was felt there, `(n, S)` N.
@@ -28,12 +28,10 @@ _PERSISTENCE = 0.9
 #: Strides after which a random walk is far from where it was.
 _AWAY = 20
 
-#: Steps for which an explorer slides about at each place.
-_DWELL = 750
-
-#: Likewise, of a restless one. It learns better what to expect: on a torus, the mean surprise at
-#: the next samples is 0.39 after 15,000 samples at 50 Hz, but 0.62 after 20,000 with 750 steps.
-_RESTLESS = 50
+#: Steps for which an explorer slides about that often returns to what it knows, where it notices
+#: changes. It learns better what to expect: on a torus, the mean surprise at the next samples is
+#: 0.39 after 15,000 samples at 50 Hz, but 0.62 after 20,000 with 750 steps.
+RESTLESS = 50
 
 #: Probability that an explorer walks to its next place at random through the air.
 _AIR = 0.1
@@ -50,31 +48,18 @@ _MOST_RETURNS = 4
 #: Share of the goals that are ends of poor links; the others are sensations felt seldom.
 _LINKS = 0.3
 
-#: Touches about each place that is met at random. 8 to 40 make good shapes of torus and cube, from
-#: 5000 touches and from 20,000; 4 make worse ones.
-_TOUCHES = 20
+#: Touches about a touch of a receptor that seldom felt anything; length of a small move there, in
+#: strides of each joint: 0.2 rad; and small moves for each wanted touch.
+_SELDOM, _ABOUT, _TRIES = 10, 1.33, 12
 
-#: Length of a small move about a place, in strides of each joint: 0.2 rad. Moves of 0.3 and 0.4 rad
-#: make worse shapes.
-_ABOUT = 1.33
-
-#: Touches in each gap between the touches of two linked kernels. With one, the shape is worse, as
-#: the nearest postures are then nearer by design.
-_IN_GAP = 4
-
-#: Length of a small move in a gap, in strides of each joint.
-_BETWEEN = 0.67
-
-#: Gaps for each place that is met at random, so that half of all touches lie in gaps. On two tori
-#: with 20,000 touches, planned paths are in contact for 98.7 and 98.6 % of the time without gaps,
-#: for 99.3 and 99.0 % with them.
-_GAPS = 5
-
-#: The agent gives up after so many small moves per wanted touch.
-_TRIES = 12
-
-#: Random postures that are tried in one move.
+#: Steps of a random walk in one move.
 _AT_ONCE = 5
+
+#: Postures that are chosen at a time: one large batch loses what choosing gains.
+_BATCH = 50
+
+#: Steps from a place where nothing is felt to one beneath the skin.
+_INWARDS = 5
 
 #: Share of a joint's range by which a posture may be drawn beyond each limit. It then rests at the
 #: limit.
@@ -111,6 +96,7 @@ class Explorer(ABC):
     def __post_init__(self) -> None:
         # The last touch.
         self.touch = self.q = np.asarray(self.q, dtype=float)
+        self._walk = np.zeros(len(self.q))
 
     @abstractmethod
     def moves(self) -> Moves:
@@ -118,6 +104,25 @@ class Explorer(ABC):
 
     def _go(self, path: np.ndarray) -> Moves:
         self._arrive(*(yield path))
+
+    def _random_walk(self, num_steps: int) -> np.ndarray:
+        """`(n, J)` the next configurations of a random walk that turns round at the limits."""
+        walk = [self.q]
+        for _ in range(num_steps):
+            walk.append(self._turned_round(walk[-1] + self._heading()))
+        return np.array(walk[1:])
+
+    def _heading(self) -> np.ndarray:
+        """`(J,)` the next step of a random walk, as fast as random babbling."""
+        kept = _PERSISTENCE**self.pace
+        noise = self.rng.standard_normal(len(self.q))
+        self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
+        return self._walk * self.pace * self.stride
+
+    def _turned_round(self, q: np.ndarray) -> np.ndarray:
+        """`(J,)` `q` within the limits; joints that pass a limit turn round."""
+        self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
+        return q.clip(self.lower, self.upper)
 
     def _arrive(self, q: np.ndarray, felt: np.ndarray) -> None:
         """Takes note of where it is after a move, what it feels there, and its last touch."""
@@ -127,6 +132,7 @@ class Explorer(ABC):
                 self.touch = q[touching[-1]].astype(float)
 
 
+@dataclass(eq=False)
 class ContactExplorer(Explorer):
     """Stays in contact as much as it can.
 
@@ -134,13 +140,15 @@ class ContactExplorer(Explorer):
     along the skin, so that it meets the same sensations in other postures. From how the last steps
     changed what it felt, it learns which way is into the skin and which way is out. Before it knows
     anything it moves at random, and slides about from any touch.
+
+    Attributes:
+        dwell: steps for which it slides about at each place.
     """
 
-    dwell = _DWELL
+    dwell: int = 750
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._walk = np.zeros(len(self.q))
         # How fast the felt force grows along each joint, N per stride.
         self._slope = np.zeros(len(self.q))
         self._wanted = 0.0
@@ -175,25 +183,6 @@ class ContactExplorer(Explorer):
         while self.touch is left:
             yield from self._go(self._random_walk(1))
         yield from self._straight(self.touch)
-
-    def _random_walk(self, num_steps: int) -> np.ndarray:
-        """`(n, J)` the next configurations of a random walk that turns round at the limits."""
-        walk = [self.q]
-        for _ in range(num_steps):
-            walk.append(self._turned_round(walk[-1] + self._heading()))
-        return np.array(walk[1:])
-
-    def _heading(self) -> np.ndarray:
-        """`(J,)` the next step of a random walk, as fast as random babbling."""
-        kept = _PERSISTENCE**self.pace
-        noise = self.rng.standard_normal(len(self.q))
-        self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
-        return self._walk * self.pace * self.stride
-
-    def _turned_round(self, q: np.ndarray) -> np.ndarray:
-        """`(J,)` `q` within the limits; joints that pass a limit turn round."""
-        self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
-        return q.clip(self.lower, self.upper)
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
@@ -259,40 +248,46 @@ class ContactExplorer(Explorer):
             self._wanted = max(self._wanted, 0.5 * float(strength.max()))
 
 
-class RestlessExplorer(ContactExplorer):
-    """Leaves each place soon and often returns to what it knows, where it notices changes."""
+@dataclass(eq=False)
+class ModelExplorer(Explorer):
+    """Makes the touches that teach most, as far as the chain of its body says; none costs time.
 
-    dwell = _RESTLESS
+    Before it knows one it walks at random. On a body of several parts, of which one chain does not
+    tell, some receptors are hard to reach: there it looks about touches of receptors that seldom
+    felt anything, too, as the way to others leads there.
 
-
-class PostureSampler(Explorer):
-    """Tries postures anywhere, without a way from one to the next: those that miss cost nothing.
-
-    Places that are met at random lie far apart in motor space, and neighbours on the skin seem
-    farther apart than they are: so it looks about each place that it meets. The nearest postures of
-    two linked kernels may still be so far apart that a plan between them leaves the skin: so it
-    looks there too. On a body of several parts, some receptors are hard to reach: it looks about
-    touches of receptors that seldom felt anything, as the way to others leads there.
+    Attributes:
+        chain: what it knows of its joints; None if nothing.
     """
+
+    chain: KnownChain | None = None
 
     def moves(self) -> Moves:
         """Explores without end."""
+        if self.chain is None:
+            yield from self._without_chain()
+            return
+        planned = np.zeros((0, 3))
+        while True:
+            wanted = next_touches(
+                self.chain, _BATCH, self.rng, lower=self.lower, upper=self.upper, planned=planned
+            )
+            planned = np.concatenate([planned, wanted.place])
+            for row in self._tour(wanted.q):
+                yield from self._touch(self.chain, wanted.some(row))
+
+    def _without_chain(self) -> Moves:
         agent = self.agent
-        # The more parts a body has, the more places the agent may not have met.
-        parts = 1 if agent is None else max(agent.representation.num_parts, 1)
-        about = max(_TOUCHES // parts, 2) - 1
-        seldom_felt = self._seldom_felt(agent) if agent is not None and parts > 1 else None
-        shape = _AT_ONCE, len(self.q)
+        parts = 1 if agent is None else agent.representation.num_parts
+        seldom_felt = None if agent is None or parts < 2 else self._seldom_felt(agent)
         while True:
             before = self.touch
             while self.touch is before:
-                yield from self._go(self.rng.uniform(self.lower, self.upper, shape))
-            yield from self._look_about(self.touch, _ABOUT, about)
+                yield from self._go(self._random_walk(_AT_ONCE))
             if seldom_felt is not None:
-                yield from self._look_about(next(seldom_felt), _ABOUT, about)
-            if agent is not None and len(agent.representation.edges):
-                for _ in range(_GAPS // parts):
-                    yield from self._look_between(agent)
+                here = self.q
+                yield from self._look_about(next(seldom_felt), max(_SELDOM // parts, 1))
+                yield from self._go(here[None])
 
     def _seldom_felt(self, agent: Agent) -> Iterator[np.ndarray]:
         """Yields `(J,)` remembered touches of receptors that seldom felt anything."""
@@ -304,34 +299,36 @@ class PostureSampler(Explorer):
             row = self.rng.choice(felt.indices[slice(*felt.indptr[receptor : receptor + 2])])
             yield agent.representation.kernel_q[row].astype(float)
 
-    def _look_about(self, q: np.ndarray, strides: float, num_touches: int) -> Moves:
+    def _look_about(self, q: np.ndarray, num_touches: int) -> Moves:
         """Tries postures about `q` until `num_touches` of them touched."""
         for _ in range(_TRIES * num_touches):
-            tried = q + strides * self.rng.standard_normal(len(q)) * self.stride
+            tried = q + _ABOUT * self.rng.standard_normal(len(q)) * self.stride
             yield from self._go(tried.clip(self.lower, self.upper)[None])
             if self.felt.any():
                 num_touches -= 1
             if not num_touches:
                 return
 
-    def _look_between(self, agent: Agent) -> Moves:
-        """Tries postures between a touch of one end of a link and firm touches of the other."""
-        known = agent.representation
-        tail, head = self.rng.permutation(self.rng.choice(known.edges)).tolist()
-        mode = int(self.rng.choice(known.kernel_mode[known.members(tail)]))
-        start = known.kernel_q[self.rng.choice(firm_members(known, tail, mode))].astype(float)
-        if mode == NO_MODE:
-            return
-        ahead = firm_members(known, head, mode)
-        if not len(ahead):
-            return
-        matters = known.mode_joints[mode]
-        near = cdist(
-            known.scaled(start)[None, matters], known.scaled(known.kernel_q[ahead])[:, matters]
-        )
-        end = known.kernel_q[ahead[near.argmin()]]
-        between = np.where(matters, (start + end) / 2, start)
-        yield from self._look_about(between, _BETWEEN, _IN_GAP)
+    def _tour(self, q: np.ndarray) -> Iterator[np.ndarray]:
+        """Yields the numbers of `(n, J)` postures, the nearest one first."""
+        left, here = np.arange(len(q)), self.q
+        while len(left):
+            away = np.linalg.norm((q[left] - here) / self.stride, axis=1)
+            nearest = int(away.argmin())
+            here = q[left[nearest]]
+            yield left[[nearest]]
+            left = np.delete(left, nearest)
+
+    def _touch(self, chain: KnownChain, wanted: Reachable) -> Moves:
+        """Goes there and, if nothing is felt, on beneath the skin until something is."""
+        q = wanted.q
+        for share in np.linspace(0.0, 1.0, _INWARDS + 1):
+            if share > 0:
+                place = wanted.place + share * (wanted.inner - wanted.place)
+                q = chain.put(q, place, self.lower, self.upper)
+            yield from self._go(q)
+            if self.felt.any():
+                return
 
 
 @dataclass(eq=False)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.known_chain import found_chain
 from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
@@ -13,7 +14,12 @@ from selftouch_drake.agent.lifelong.expectation import (
     TouchSet,
     with_unit_norm,
 )
-from selftouch_drake.agent.lifelong.explanation import explain_change, refined
+from selftouch_drake.agent.lifelong.explanation import (
+    ENOUGH,
+    LivedChain,
+    explain_change,
+    refined,
+)
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
 #: Touches of a body after which the agent learns what to expect.
@@ -34,11 +40,17 @@ _MOST_USUAL = 10_000
 #: Touches of the changed body from which the agent explains the change.
 _TO_EXPLAIN = 1000
 
+#: Touches of the changed body from which it tries to explain the change by its chain alone.
+_TO_GUESS = (100, 300)
+
+#: Touches from before a change from which the chain of the body is found.
+_OF_CHAIN = 600
+
 #: Touches of the changed body from which it makes a guess more exact.
 _TO_REFINE = (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
-_BLOCK = 500
+_BLOCK = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,6 +80,7 @@ class Life:
         num_steps: training steps of the expectation; with fewer, the agent notices less.
         every: of so many touches in a row it takes one; others of a body that is felt many times in
             each step tell it nothing new, and seem to confirm what they repeat.
+        asks: whether it asks, after a change, for the chain of its joints.
 
     Attributes:
         learner: what the agent knows; another one after each change.
@@ -85,8 +98,9 @@ class Life:
         seed: int = 0,
         num_steps: int = NUM_STEPS,
         every: int = 1,
+        asks: bool = True,
     ) -> None:
-        self.every, self._num_given = every, 0
+        self.every, self._num_given, self._asks = every, 0, asks
         self._make_learner, self._seed, self._num_steps = make_learner, seed, num_steps
         self.learner = make_learner()
         self.noticed: list[Noticed] = []
@@ -103,6 +117,9 @@ class Life:
         # touches at which the agent makes a guess more exact.
         self._before = TouchSet()
         self._to_refine: Sequence[int] = ()
+        # Likewise, at which it guesses; and the chain of the body before the change, once found.
+        self._to_guess: Sequence[int] = ()
+        self._chain: LivedChain | None = None
         # Number of the first touch of the body as it is.
         self._born = 0
         # Where the alarm was raised, and the first touch of the changed body, if unexplained.
@@ -132,7 +149,12 @@ class Life:
         if self._raised is not None:
             self._strange = self._strange.and_then(block[changed:])
             if len(self._strange) >= _TO_EXPLAIN:
-                self._explain(*self._raised)
+                self._explain(*self._raised, self._explanation())
+            elif self._to_guess and len(self._strange) >= self._to_guess[0]:
+                self._to_guess = self._to_guess[1:]
+                guess = self._explanation(guess=True)
+                if guess is not None and guess.chain is not None and guess.left <= ENOUGH:
+                    self._explain(*self._raised, guess)
             return
         if self._to_refine:
             self._strange = self._strange.and_then(block)
@@ -168,6 +190,7 @@ class Life:
         since, first = row + 1 - num, self.num_touches - len(block)
         self._raised = first + row, first + since
         self._strange, self._to_refine = TouchSet(), ()
+        self._to_guess, self._chain = _TO_GUESS, None
         self._num_before = self.learner.num_touches + since
         if since < 0:
             # The last touches that it learned may be of the changed body.
@@ -180,18 +203,27 @@ class Life:
             num = int(min(_USUAL * self.learner.num_touches, _MOST_USUAL))
             self._last = self._last.and_then(block)[-num:]
 
-    def _explain(self, row: int, since: int) -> None:
+    def _explanation(self, *, guess: bool = False) -> BodyChange | None:
+        """What changed, by the strange touches; a guess is None without a chain."""
         assert self._watching is not None
         remembered, number = self._remembered()
         self._before = remembered[number < self._num_before]
-        change = explain_change(
+        self._chain = self._chain or self._known_chain()
+        if guess and self._chain is None:
+            self._to_guess = ()
+            return None
+        return explain_change(
             self._watching[0],
             self._last,
             self._before,
             self._strange,
+            known=self._chain,
             num_steps=self._num_steps,
             seed=self._seed,
         )
+
+    def _explain(self, row: int, since: int, change: BodyChange | None) -> None:
+        assert change is not None
         self.noticed.append(
             Noticed(row=row, since=since, explained_at=self.num_touches, change=change)
         )
@@ -201,12 +233,26 @@ class Life:
         self._begin_again(change)
         self._expect()
 
+    def _known_chain(self) -> LivedChain | None:
+        """The chain of joints of the body as it was, if touches of one part accept one."""
+        several = self.learner.representation.num_parts > 1
+        if not self._asks or several:
+            return None
+        rows = np.random.default_rng(self._seed).permutation(len(self._before))[:_OF_CHAIN]
+        some = self._before[np.sort(rows)]
+        chain = found_chain(some.q.astype(float), some.sensation.astype(float), seed=self._seed)
+        return None if chain is None else LivedChain(chain, some)
+
     def _begin_again(self, change: BodyChange) -> None:
         """A new learner takes the adapted touches, and the touches of the changed body."""
         self.learner, strange = self._make_learner(), self._strange
-        # At once, so that targets are chosen where the body feels now.
-        self._learn(change.adapted(self._before).and_then(strange))
-        self._last = strange[len(strange) // 2 :]
+        # At once, so that targets are chosen where the body feels now. In no order, as the last
+        # ones say what is usual as long as there are few strange ones.
+        adapted = change.adapted(self._before)
+        order = np.random.default_rng(self._seed).permutation(len(adapted))
+        self._learn(adapted[order].and_then(strange))
+        few = max(_TO_EXPLAIN - len(strange), 0)
+        self._last = adapted[order][len(adapted) - few :].and_then(strange)[-_TO_EXPLAIN // 2 :]
         if not self._to_refine:
             self._before = self._strange = TouchSet()
 

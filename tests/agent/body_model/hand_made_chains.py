@@ -1,6 +1,7 @@
 """Bodies by hand: chains whose touches on a surface are found by trying configurations."""
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import places, turns
 from selftouch_drake.agent.body_model.fit import random_twists
@@ -79,3 +80,57 @@ def rolling(twists, point, shape, *, number=3000, kernels=150, seed=0):
         y.append(at[on])
     q, y = np.concatenate(q)[:number], np.concatenate(y)[:number]
     return q, nearest_of(y, kernels), y
+
+
+def felt(y, *, receptors=60, seed=3):
+    """`(n, S)` readings of receptors among the places, each of which a touch beside it presses."""
+    random = np.random.default_rng(seed)
+    at = y[random.permutation(len(y))[:receptors]]
+    square = ((y[:, None] - at[None]) ** 2).sum(axis=2)
+    width = np.median(np.sort(square, axis=1)[:, 3])
+    readings = np.exp(-square / (2 * width))
+    return csr_array(np.where(readings > 0.05, readings, 0) * random.uniform(0.5, 2, (len(y), 1)))
+
+
+def sample(number, *, seed=0, **more):
+    """Readings, sensations and places of as many touches of an arm, and all of its touches."""
+    twists, point = an_arm(**more)
+    q, _, y = touches(twists, point, number=4000, seed=seed)
+    return q[:number], felt(y)[:number], y[:number], (q, y)
+
+
+class ArmOnBall:
+    """An arm that touches a ball with a skin; what is felt depends on the place alone."""
+
+    def __init__(self, seed=1, receptors=60):
+        self.twists, self.point = an_arm(seed)
+        self.center, self.radius = a_ball(np.random.default_rng(0), self.twists, self.point)
+        at = np.random.default_rng(2).standard_normal((4000, 3))
+        at /= np.linalg.norm(at, axis=1, keepdims=True)
+        kept = [0]
+        for _ in range(receptors - 1):
+            far = np.linalg.norm(at[:, None] - at[kept], axis=2).min(axis=1)
+            kept.append(int(far.argmax()))
+        self.receptors = at[kept]
+
+    def places(self, q):
+        """`(n, 3)` the toucher, as seen from the ball's middle, in its radii."""
+        return (places(q, self.twists, self.point) - self.center) / self.radius
+
+    def feel(self, q):
+        """`(n, S)` readings: null farther than a twentieth of the radius from the skin."""
+        at = self.places(q)
+        height = np.linalg.norm(at, axis=1)
+        beside = np.linalg.norm(at[:, None] / height[:, None, None] - self.receptors, axis=2)
+        depth = np.clip(1 - np.abs(height - 1) / 0.05, 0, None)
+        return depth[:, None] * np.clip(1 - beside / 0.7, 0, None)
+
+    def touches(self, number, seed=0):
+        """`(number, 4)` configurations that touch, and what is felt."""
+        random, q = np.random.default_rng(seed), []
+        while sum(map(len, q)) < number:
+            tried = random.uniform(-1.5, 1.5, (20_000, len(self.twists)))
+            near = np.abs(np.linalg.norm(self.places(tried), axis=1) - 1) < 0.05
+            q.append(tried[near])
+        found = np.concatenate(q)[:number]
+        return found, self.feel(found)

@@ -4,8 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from hand_made_chains import an_arm, misfit, touches
-from scipy.sparse import csr_array
+from hand_made_chains import an_arm, misfit, sample
 
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.find import find_body_model
@@ -21,23 +20,6 @@ from selftouch_drake.agent.body_model.smoothness import (
 )
 
 NAMES = ["d", "c", "b", "a", "e"]
-
-
-def felt(y, *, receptors=60, seed=3):
-    """`(n, S)` readings of receptors among the places, each of which a touch beside it presses."""
-    random = np.random.default_rng(seed)
-    at = y[random.permutation(len(y))[:receptors]]
-    square = ((y[:, None] - at[None]) ** 2).sum(axis=2)
-    width = np.median(np.sort(square, axis=1)[:, 3])
-    readings = np.exp(-square / (2 * width))
-    return csr_array(np.where(readings > 0.05, readings, 0) * random.uniform(0.5, 2, (len(y), 1)))
-
-
-def sample(number, *, seed=0, **more):
-    """Readings, sensations and places of as many touches of an arm, and all of its touches."""
-    twists, point = an_arm(**more)
-    q, _, y = touches(twists, point, number=4000, seed=seed)
-    return q[:number], felt(y)[:number], y[:number], (q, y)
 
 
 def found(q, sensation, seed=0, each=map):

@@ -24,7 +24,7 @@ def short(monkeypatch):
 
 
 def lived(touches, num_steps, chunk=6500):
-    life = Life(lambda: OnlineLearner(60), num_steps=num_steps)
+    life = Life(lambda: OnlineLearner(60), num_steps=num_steps, asks=False)
     for start in range(0, 6500, chunk):
         rows = touches[:6500][start : start + chunk]
         life.take(rows.q, rows.sensation)

@@ -1,0 +1,204 @@
+"""The chain of joints that an agent knows while it explores: from a hundred touches on.
+
+It is looked for until touches that are left out accept one. From then on it follows the touches:
+the last ones fit it anew, from where it was, in a fraction of a second.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model import few
+from selftouch_drake.agent.body_model.chain import derivatives, places, slopes
+from selftouch_drake.agent.body_model.model import JointKind
+from selftouch_drake.agent.body_model.reach import step_towards
+from selftouch_drake.agent.body_model.smoothness import (
+    Sensed,
+    SmoothChain,
+    finished,
+    tangent,
+)
+from selftouch_drake.agent.body_model.structure import Search
+
+# Touches before a chain is looked for, and by which factor they grow until it is looked for again,
+# or judged again.
+_FIRST, _AGAIN = 100, 2
+# The last touches, to which a chain is fitted.
+_LAST = 1000
+# Steps of least squares that bring a toucher to a place, each at most so long, in standard
+# deviations of the joints.
+_PUT, _LONGEST = 8, 0.6
+# Steps in which new touches are taken in.
+_TAKEN_IN = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KnownChain:
+    """A chain that n touches accept: L joints of the J that the body has, p parameters.
+
+    Places are those of the toucher's centre, in the frame of the skin's link and a unit of its own.
+
+    Attributes:
+        joints: its joints, the one next to the skin first.
+        chain: its twists and point, for standardised readings.
+        slides: `(L,)` bool, joints that slide; the others turn.
+        center: `(J,)` of the readings.
+        scale: `(J,)` of the readings.
+        q: `(n, J)` readings in the touches that it was fitted to.
+        sensed: what they felt like.
+        strength: `(n,)` greatest reading in each.
+    """
+
+    joints: list[int]
+    chain: SmoothChain
+    slides: np.ndarray
+    center: np.ndarray
+    scale: np.ndarray
+    q: np.ndarray
+    sensed: Sensed
+    strength: np.ndarray
+
+    @property
+    def radius(self) -> float:
+        """Root mean square distance of the touches' places from their middle."""
+        return float(np.sqrt(self.places(self.q).var(axis=0).sum()))
+
+    def standard(self, q: np.ndarray) -> np.ndarray:
+        """`(m, L)` standardised readings of its joints, of `(m, J)`."""
+        return ((q - self.center) / self.scale)[:, self.joints]
+
+    def places(self, q: np.ndarray) -> np.ndarray:
+        """`(m, 3)` where the toucher is at `(m, J)` readings."""
+        return places(self.standard(q), self.chain.twists, self.chain.point)
+
+    def slopes(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(m, 3)` places at `(m, J)` readings, and `(m, 3, p)` slopes by what touch can tell."""
+        place, by_twist, by_point, _ = derivatives(
+            self.standard(q), self.chain.twists, self.chain.point
+        )
+        slope = np.concatenate([by_twist.reshape(len(q), 3, -1), by_point], axis=2)
+        return place, slope @ tangent(self.chain, self.slides)
+
+    def put(
+        self, q: np.ndarray, place: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    ) -> np.ndarray:
+        """`(m, J)` postures near `(m, J)` q with the toucher at `(m, 3)` places, if it gets there.
+
+        They stay within limits `(J,)`.
+        """
+        low, high = (self.standard(limit[None])[0] for limit in (lower, upper))
+        x = self.standard(q)
+        for _ in range(_PUT):
+            at, by_x, _ = slopes(x, self.chain.twists, self.chain.point)
+            x = np.clip(x + step_towards(place - at, by_x, _LONGEST), low, high)
+        found = q.copy()
+        found[:, self.joints] = self.center[self.joints] + self.scale[self.joints] * x
+        return found.clip(lower, upper)
+
+    def felt_as(self, q: np.ndarray, sensation: np.ndarray) -> "KnownChain":
+        """The same chain, with `(n, J)` readings and `(n, S)` sensations in place of its own."""
+        sensed = Sensed.of(csr_array(sensation))
+        return replace(self, q=q.astype(float), sensed=sensed, strength=sensation.max(axis=1))
+
+    def fitted_to(self, q: np.ndarray, sensation: np.ndarray) -> "KnownChain":
+        """The chain as `(n, J)` readings and `(n, S)` sensations have it, from where it was."""
+        sensed = Sensed.of(csr_array(sensation))
+        chain = finished(
+            self.standard(q), sensed.precision(), self.chain, _TAKEN_IN, slides=self.slides
+        )
+        return replace(self, chain=chain, q=q, sensed=sensed, strength=sensation.max(axis=1))
+
+
+class ChainLearner:
+    """Learns the chain of a body from touches as they come. The same touches give the same bytes.
+
+    Args:
+        seed: of all randomness.
+
+    Attributes:
+        known: the chain; None before touches accept one.
+    """
+
+    def __init__(self, *, seed: int = 0) -> None:
+        self.known: KnownChain | None = None
+        self._seed, self._num, self._due = seed, 0, _FIRST
+        self._q, self._sensation = np.zeros((0, 0)), np.zeros((0, 0))
+
+    def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
+        """Learns from the next touches: `(n, J)` readings, and `(n, S)` what was felt."""
+        if not len(q):
+            return
+        self._num += len(q)
+        q, sensation = np.asarray(q, dtype=float), np.asarray(sensation, dtype=float)
+        if len(self._q):
+            q = np.concatenate([self._q, q])
+            sensation = np.concatenate([self._sensation, sensation])
+        self._q, self._sensation = q[-_LAST:], sensation[-_LAST:]
+        due = self._num >= self._due
+        if self.known is not None:
+            self.known = self.known.fitted_to(self._q, self._sensation)
+            if due and not self._accepted(self.known):
+                self.known = None
+        if due:
+            self._due = _AGAIN * self._num
+            if self.known is None:
+                self.known = found_chain(self._q, self._sensation, seed=self._seed)
+
+    def _accepted(self, known: KnownChain) -> bool:
+        """Whether touches still agree, of those that do not crowd."""
+        spread = spread_out(known.places(known.q), len(known.q) // 2)
+        sensed = known.sensed.some(spread)
+        labels = few.neighbourhoods(sensed, np.random.default_rng(self._seed))
+        verdict = few.left_out_in_turn(known.standard(known.q[spread]), sensed, labels, known.chain)
+        return verdict.accepted
+
+
+def found_chain(q: np.ndarray, sensation: np.ndarray, *, seed: int = 0) -> KnownChain | None:
+    """The chain that `(n, J)` readings and `(n, S)` sensations accept; None if they accept none."""
+    center, scale = q.mean(axis=0), q.std(axis=0)
+    still = scale <= 1e-9 * np.maximum(np.abs(center), 1e-3)
+    scale = np.where(still, 1.0, scale)
+    standard = np.where(still, 0.0, (q - center) / scale)
+    moving = np.flatnonzero(~still).tolist()
+    if not moving:
+        return None
+    single = np.ascontiguousarray(standard.T.astype(np.float32))
+    felt = csr_array(sensation)
+    found = few.found_by_sensation(
+        Search(single, np.random.default_rng(seed)), standard, felt, moving
+    )
+    if found is None or not found.judgement.accepted:
+        return None
+    return KnownChain(
+        joints=found.order,
+        chain=SmoothChain(found.twists[found.order], found.point, np.inf),
+        slides=found.kind[found.order] == JointKind.SLIDES,
+        center=center,
+        scale=scale,
+        q=q,
+        sensed=Sensed.of(felt),
+        strength=sensation.max(axis=1),
+    )
+
+
+def spread_out(place: np.ndarray, number: int, known: np.ndarray | None = None) -> np.ndarray:
+    """`(number,)` of `(n, 3)` places, each the farthest from those before it, and from known ones.
+
+    Args:
+        place: to choose from.
+        number: of places, at most.
+        known: `(m, 3)` places; none by default.
+    """
+    far = np.full(len(place), np.inf)
+    if known is not None and len(known):
+        for start in range(0, len(known), 1000):
+            some = known[start : start + 1000]
+            away = np.linalg.norm(place[:, None] - some[None], axis=2).min(axis=1)
+            far = np.minimum(far, away)
+    chosen = []
+    for _ in range(min(number, len(place))):
+        chosen.append(int(far.argmax()))
+        far = np.minimum(far, np.linalg.norm(place - place[chosen[-1]], axis=1))
+        far[chosen[-1]] = -1.0
+    return np.array(chosen, dtype=int)

@@ -1,0 +1,76 @@
+"""Where a chain of joints is known, a change of the body is the fewest numbers of that chain."""
+
+import numpy as np
+import pytest
+from hand_made_chains import ArmOnBall
+
+from selftouch_drake.agent.body_model.chain_change import Change
+from selftouch_drake.agent.body_model.known_chain import found_chain
+from selftouch_drake.agent.lifelong import life as module
+from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet
+from selftouch_drake.agent.lifelong.explanation import LivedChain, explain_change
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
+from selftouch_drake.agent.lifelong.life import Life
+
+
+@pytest.fixture(scope="module")
+def before():
+    return TouchSet(*ArmOnBall().touches(2400))
+
+
+@pytest.fixture(scope="module")
+def known(before):
+    some = before[:400]
+    return LivedChain(found_chain(some.q, some.sensation), some)
+
+
+@pytest.fixture(scope="module")
+def expectation(before):
+    return Expectation(before[:2000], num_steps=500)
+
+
+def found(expectation, before, known, since):
+    return explain_change(expectation, before[2000:], before, since, known=known, num_steps=500)
+
+
+def test_a_zero_moves_touches_by_that_much_though_receptors_died(before, known, expectation):
+    q, felt = ArmOnBall().touches(200, seed=4)
+    q[:, 1] -= 0.3
+    dead = [5, 20]
+    felt[:, dead] = 0.0
+    change = found(expectation, before, known, TouchSet(q, felt)[felt.any(axis=1)])
+    assert change.chain is not None
+    assert (change.chain.kind, change.chain.joint) == (Change.ZERO, 1)
+    assert change.chain.amount == pytest.approx(0.3, abs=0.03)
+    assert "the zero of joint 1 moved by +0." in change.in_words
+    assert not change.displacement
+    adapted = change.adapted(before[:100])
+    assert (adapted.sensation[:, np.flatnonzero(change.silent)] == 0).all()
+    assert set(np.flatnonzero(change.silent)) <= set(dead)
+
+
+def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, known, expectation):
+    arm = ArmOnBall()
+    arm.point = arm.point + np.array([0.2, -0.1, 0.1])
+    change = found(expectation, before, known, TouchSet(*arm.touches(150, seed=4)))
+    assert change.chain is not None
+    assert change.chain.kind == Change.TOUCHER
+    adapted = change.adapted(before[:300])
+    touching = [arm.feel(one).any(axis=1).mean() for one in (adapted.q, before.q[:300])]
+    assert len(adapted) > 200
+    assert touching[1] < 0.85 < 0.93 < touching[0]
+    assert change.left < 2
+
+
+@pytest.mark.slow
+def test_a_life_explains_a_change_by_its_chain_as_soon_as_it_is_noticed(monkeypatch):
+    monkeypatch.setattr(module, "_FIRST", 1500)
+    q, felt = ArmOnBall().touches(2400, seed=1)
+    q[2000:, 1] -= 0.4
+    life = Life(lambda: OnlineLearner(40), num_steps=300)
+    life.take(q, felt)
+    (noticed,) = life.noticed
+    assert 2000 <= noticed.row < noticed.explained_at <= 2400
+    assert noticed.change.chain is not None
+    assert (noticed.change.chain.kind, noticed.change.chain.joint) == (Change.ZERO, 1)
+    assert not life.has_doubts
