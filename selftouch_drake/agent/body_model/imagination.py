@@ -31,8 +31,8 @@ from selftouch_drake.quotient.smooth import path_length, smooth_path
 _KNOTS, _BETWEEN = 50, 4
 # Knots at the start that do not count: a light touch becomes firm there.
 _BEGUN = 3
-# Postures of the goal from which motions are begun, the best of these that are made smooth, and
-# good ones that are enough.
+# Postures of the goal from which motions are begun; those that are made smooth if one of them keeps
+# contact, else all are; and good ones that are enough.
 _GOALS, _TRIED, _ENOUGH = 10, 5, 2
 # Places at which a motion may end, and touches about each that tell what is felt there.
 _PLACES, _AMONG = 60, 20
@@ -309,9 +309,10 @@ class Imagination:
         """Some rough motions made smooth, the best first."""
         order = np.argsort([_cost(one, _missed(skin, one, way)) for one in rough])
         found = list[Leg]()
-        for number in order[:_TRIED]:
+        for number in order:
             found.append(self._smooth(skin, rough[number], way, goal))
-            if sum(leg.good for leg in found) >= _ENOUGH:
+            keeps = len(found) >= _TRIED and any(leg.error <= _MISSED for leg in found)
+            if keeps or sum(leg.good for leg in found) >= _ENOUGH:
                 break
         return sorted(found, key=lambda leg: leg.cost)
 
