@@ -22,7 +22,7 @@ from selftouch_drake.agent.readings.turns import turning, within_a_turn
 from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.representation.touches import felt_kernels
+from selftouch_drake.agent.representation.touches import felt_kernels, kernel_of_receptor
 from selftouch_drake.quotient.plan import most_typical
 from selftouch_drake.quotient.smooth import KNOT_SPACING
 
@@ -140,6 +140,10 @@ class Agent:
         """The target sensation nearest to a `(S,)` sensation; None if nothing is felt."""
         kernels = felt_kernels(self.representation, sensation)
         return int(kernels[0]) if len(kernels) else None
+
+    def target_of_receptor(self, receptor: int) -> int:
+        """The target sensation in which a receptor counts most; errors of `kernel_of_receptor`."""
+        return kernel_of_receptor(self.representation, receptor)
 
     def plan(self, *targets: int | None, q_start: np.ndarray | None = None, **options: Any) -> Plan:
         """Plans one continuous motion through two or more target sensations, in order.

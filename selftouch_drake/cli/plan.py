@@ -27,6 +27,12 @@ FROM_Q = click.option(
     help="Joint positions to start from, in rad or m, touching or not; instead of --from.",
 )
 TO = click.option("--to", "goal", type=int, help="Number of the target sensation to reach.")
+TO_RECEPTOR = click.option(
+    "--to-receptor",
+    "receptor",
+    metavar="RECEPTOR",
+    help="Number or name of a receptor to feel most, instead of --to.",
+)
 THROUGH = click.option(
     "--through",
     callback=numbers(int),
@@ -44,12 +50,17 @@ def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
         start: int | None,
         q_start: list[float] | None,
         goal: int | None,
+        receptor: str | None,
         through: list[int] | None,
         **options: Any,
     ) -> None:
+        if receptor is not None:
+            if goal is not None:
+                raise click.UsageError("--to and --to-receptor are both given; give one of them")
+            goal = _target_of(directory, receptor)
         command(directory, _targets(start, q_start, goal, through), **options)
 
-    return of_a_run(FROM(FROM_Q(TO(THROUGH(named)))))
+    return of_a_run(FROM(FROM_Q(TO(TO_RECEPTOR(THROUGH(named))))))
 
 
 @click.command()
@@ -173,6 +184,32 @@ def _root_mean_square(values: "np.ndarray") -> float:
     import numpy as np
 
     return float(np.sqrt(np.square(values).mean()))
+
+
+def _target_of(directory: "RunDirectory", receptor: str) -> int:
+    """The target sensation in which a receptor, by number or name, counts most.
+
+    Raises:
+        click.UsageError: There is no such receptor, or no target sensation has it.
+    """
+    from selftouch_drake.agent.representation.touches import kernel_of_receptor
+    from selftouch_drake.run.artifacts import load_representation
+    from selftouch_drake.run.receptor_map import receptor_names
+
+    representation = load_representation(directory)
+    names = receptor_names(directory, representation.target_sensations.shape[1])
+    if receptor not in names and not receptor.isdecimal():
+        raise click.UsageError(
+            f"--to-receptor is {receptor}; give 0 to {len(names) - 1}, or a name from {names[0]} "
+            f"to {names[-1]}"
+        )
+    number = names.index(receptor) if receptor in names else int(receptor)
+    try:
+        target = kernel_of_receptor(representation, number)
+    except ValueError as error:
+        raise click.UsageError(f"--to-receptor: {error}") from error
+    click.echo(f"receptor {names[number]}: target sensation {target}")
+    return target
 
 
 def _targets(

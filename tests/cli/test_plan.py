@@ -41,6 +41,32 @@ def test_target_out_of_range_is_refused(finished_run):
     assert files_below(finished_run) == before
 
 
+def test_a_receptor_is_a_goal(finished_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(finished_run, run)
+    targets = np.load(run / "representation.npz")["target_sensations"]
+    receptor = int(targets.sum(axis=0).argmax())
+    goal = int(targets[:, receptor].argmax())
+    start = (goal + 1) % len(targets)
+    for given in (receptor, f"body[{receptor}]"):
+        planned = selftouch("plan", run, "--from", start, "--to-receptor", given)
+        assert planned.status == 0, planned.stderr
+        assert f"receptor body[{receptor}]: target sensation {goal}\n" in planned.stdout
+        assert (run / "plans" / f"{start}-{goal}.npz").exists()
+    most = targets.shape[1]
+    for bad, line in (
+        (most, f"--to-receptor: receptor is {most}; give 0 to {most - 1}"),
+        (
+            "palm",
+            f"--to-receptor is palm; give 0 to {most - 1}, or a name from body[0] to "
+            f"body[{most - 1}]",
+        ),
+    ):
+        assert refused("plan", run, "--from", 0, "--to-receptor", bad) == line
+    line = refused("plan", run, "--from", 0, "--to", 1, "--to-receptor", 1)
+    assert line == "--to and --to-receptor are both given; give one of them"
+
+
 def test_a_plan_through_the_air_is_shown():
     def route(nodes, in_air):
         plan = SimpleNamespace(nodes=np.array(nodes), in_air=np.array(in_air, dtype=bool))

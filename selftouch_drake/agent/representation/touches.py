@@ -246,6 +246,21 @@ def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) 
     return (touches @ representation.target_sensations.T).argmax(axis=1)
 
 
+def kernel_of_receptor(representation: QuotientRepresentation, receptor: int) -> int:
+    """The target sensation in which a receptor counts most.
+
+    Raises:
+        ValueError: there is no such receptor, or no target sensation has it.
+    """
+    targets = representation.target_sensations
+    if not 0 <= receptor < targets.shape[1]:
+        raise ValueError(f"receptor is {receptor}; give 0 to {targets.shape[1] - 1}")
+    kernel = int(targets[:, receptor].argmax())
+    if not targets[kernel, receptor] > 0:
+        raise ValueError(f"receptor is {receptor}, which no target sensation has; give another")
+    return kernel
+
+
 def separate_touches(sensation: np.ndarray, overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Splits each of `(n, S)` N sensations into touches that no `(S, S)` bool overlap connects.
 
