@@ -75,6 +75,7 @@ def cli(ctx: click.Context) -> None:
     selftouch body my_robot.py:MyRobot        try a body of your own
     selftouch import recording.npz            data recorded by another robot
     selftouch map recording.npz               where its receptors are
+    selftouch teach log.csv                   a robot that you move by hand
     """  # noqa: D301 - click keeps the lines after a \b as they are
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
