@@ -5,7 +5,7 @@ experiment has `imported` in place of robot, skins and touching.
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -142,10 +142,17 @@ def imported_experiment(
     return experiment_from_fields(merged(fields, given))
 
 
+def _are_numbers(names: Sequence[str]) -> bool:
+    """Whether names only count the columns of one array, as `touch[0]`, `touch[1]`, ..."""
+    array = names[0].rpartition("[")[0] if names else ""
+    return list(names) == [f"{array}[{number}]" for number in range(len(names))]
+
+
 def store(run: RunDirectory, data: Data) -> None:
     """Writes touches, names and baseline of the receptors, and where nothing was felt."""
     felt, baseline, last = data.felt, data.felt.baseline, 0
-    run.keep_receptor_names(data.recording.receptors)
+    if not _are_numbers(data.recording.receptors):
+        run.keep_receptor_names(data.recording.receptors)
     run.keep_baseline(baseline)
     save_arrays(run.free, free_rows(data, run.experiment.seed) | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()
