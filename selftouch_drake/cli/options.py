@@ -1,17 +1,20 @@
 """Arguments and options that several commands share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import click
 
 
-def read_fields(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, Any]:
-    """Reads the fields of an experiment that `--set` changes."""
-    from selftouch_drake.experiment.loading import parse_fields
+def read_fields(
+    ctx: click.Context, option: click.Parameter, texts: Sequence[str]
+) -> dict[str, Any]:
+    """Reads the fields of an experiment that each `--set` changes; of one field the last counts."""
+    from selftouch_drake.experiment.loading import merged, parse_fields
 
-    return parse_fields(text)
+    return reduce(merged, map(parse_fields, texts), {})
 
 
 def numbers(kind: type) -> Callable[..., list | None]:
@@ -41,10 +44,10 @@ OUT = click.option(
 SET = click.option(
     "--set",
     "overrides",
-    default="{}",
+    multiple=True,
     metavar="YAML",
     callback=read_fields,
-    help="Fields to change, as in '{babbling: {num_samples: 20000}}'.",
+    help="Fields to change, as in '{babbling: {num_samples: 20000}}'; may be given again.",
 )
 WORKERS = click.option(
     "--workers",

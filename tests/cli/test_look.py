@@ -9,12 +9,16 @@ from selftouch_drake.resources import EXPERIMENTS, SWEEPS, shipped
 
 
 def test_a_robot_in_words():
-    done = selftouch("robot", "two_arms", "--set", "{skins: {left_forearm: {num_receptors: 41}}}")
+    # Given twice, both count; of one field the last.
+    first = "{skins: {left_forearm: {num_receptors: 40}, right_forearm: {num_receptors: 39}}}"
+    second = "{skins: {left_forearm: {num_receptors: 41}}}"
+    done = selftouch("robot", "two_arms", "--set", first, "--set", second)
     assert done.status == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0] == "12 joints move"
     assert "  left_arm::elbow_pitch      turns  -2.6 to 2.6 rad    60 N·m" in lines
     assert any("left_forearm" in line and "41 receptors" in line for line in lines)
+    assert any("right_forearm" in line and "39 receptors" in line for line in lines)
     assert "What touches what" in lines
 
 
