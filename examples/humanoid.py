@@ -18,7 +18,7 @@ from selftouch_drake.systems import AddSkins, TactileSkin
 
 SKIN = {
     "surface": {"shape": "collision", "resolution": 0.03},
-    "thickness": 0.015,
+    "thickness": 0.01,
     "num_receptors": 20,
     "hydroelastic_modulus": 3e5,
 }

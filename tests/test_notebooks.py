@@ -32,6 +32,8 @@ SMALL = {
 }
 # What only one notebook needs: a large package, with torch.
 NEEDS = {"learn_to_reach": "stable_baselines3"}
+# Those that take long however small they are.
+LONG = {"any_robot", "what_the_agent_knows"}
 # s a cell, on a machine that tests on all its cores.
 PATIENCE = 600
 
@@ -63,7 +65,13 @@ def made_small(notebook, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=pytest.mark.long if path.stem in LONG else (), id=path.stem)
+        for path in NOTEBOOKS
+    ],
+)
 def test_notebook_runs(path, folder, tmp_path):
     if needed := NEEDS.get(path.stem):
         pytest.importorskip(needed)

@@ -124,6 +124,16 @@ SMALL: dict[str, list[str]] = {
     "accuracy/given_model": ["--seeds=1", "--out={tmp}/table.md"],
     "accuracy/two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
+#: Those that take long however small they are.
+LONG = {
+    "cost/memory",
+    "cost/babbling",
+    "cost/cluster",
+    "make/kills",
+    "others/foreign",
+    "life/walks",
+    "life/exploration",
+}
 
 
 def test_every_benchmark_has_small_arguments():
@@ -162,7 +172,9 @@ def test_a_version_to_compare_with_must_be_a_checkout(before, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SMALL]
+)
 def test_a_benchmark_runs(name, small_run, tmp_path):
     written = tmp_path / "written"
     written.mkdir()

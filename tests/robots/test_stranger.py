@@ -69,6 +69,7 @@ def test_its_run_ends_with_a_report(robot, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_fists_with_skin_are_parts_beside_what_they_press(tmp_path):
     settings = yaml.safe_dump(
         {
