@@ -134,13 +134,16 @@ def correct_model(run: RunDirectory, start: Start, file: Path | None) -> tuple[l
     Args:
         run: with touches.
         start: the file to correct.
-        file: of the corrected URDF; beside the given one by default.
+        file: of the corrected URDF, tables stand beside it; beside the given one by default, and
+            in the run if that is no URDF.
 
     Returns:
         Lines for the user, and rows of `CHANGE_COLUMNS`.
     """
     is_urdf = start.model.suffix == ".urdf"
-    out = file or start.model.with_name(f"{start.model.stem}_refitted.urdf")
+    # Tables of what is no URDF are kept in the run: nothing is written beside a model of a package.
+    folder = start.model.parent if is_urdf else run.path
+    out = file or folder / f"{start.model.stem}_refitted.urdf"
     if file is not None and not is_urdf:
         raise ValueError(
             f"--urdf is {file}, but {start.model} is no URDF, and only these are corrected; leave "

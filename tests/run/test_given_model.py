@@ -221,6 +221,9 @@ def test_a_run_in_drake_has_the_joints_of_its_model(tmp_path):
     done = selftouch("model", run, "--start", model, *common)
     assert done.status == 0, done
     assert "unobservable: the offset of shoulder_yaw" in done.stdout
+    # Nothing is written beside a model of the package.
+    assert (run / "one_finger.dmd_refitted_changes.csv").exists()
+    assert not list(MODELS.glob("*refitted*"))
 
 
 def test_defaults_that_mjcf_inherits_count(tmp_path):
