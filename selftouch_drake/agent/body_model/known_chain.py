@@ -10,9 +10,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model import few
-from selftouch_drake.agent.body_model.chain import derivatives, places, slopes
+from selftouch_drake.agent.body_model.chain import derivatives, places
 from selftouch_drake.agent.body_model.model import JointKind
-from selftouch_drake.agent.body_model.reach import step_towards
+from selftouch_drake.agent.body_model.reach import put_onto
 from selftouch_drake.agent.body_model.smoothness import (
     Sensed,
     SmoothChain,
@@ -26,9 +26,8 @@ from selftouch_drake.agent.body_model.structure import Search
 _FIRST, _AGAIN = 100, 2
 # The last touches, to which a chain is fitted.
 _LAST = 1000
-# Steps of least squares that bring a toucher to a place, each at most so long, in standard
-# deviations of the joints.
-_PUT, _LONGEST = 8, 0.6
+# Steps of least squares that bring a toucher to a place.
+_PUT = 8
 # Steps in which new touches are taken in.
 _TAKEN_IN = 30
 
@@ -88,10 +87,10 @@ class KnownChain:
         They stay within limits `(J,)`.
         """
         low, high = (self.standard(limit[None])[0] for limit in (lower, upper))
-        x = self.standard(q)
-        for _ in range(_PUT):
-            at, by_x, _ = slopes(x, self.chain.twists, self.chain.point)
-            x = np.clip(x + step_towards(place - at, by_x, _LONGEST), low, high)
+        x, signs = np.ascontiguousarray(self.standard(q)), np.ones(len(self.joints))
+        ball, unused = np.zeros((3, 3)), np.zeros((len(q), 3))
+        twists, point = self.chain.twists, self.chain.point
+        put_onto(x, twists, signs, point, ball, place, unused, low, high, _PUT)
         found = q.copy()
         found[:, self.joints] = self.center[self.joints] + self.scale[self.joints] * x
         return found.clip(lower, upper)

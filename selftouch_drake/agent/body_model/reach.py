@@ -103,7 +103,9 @@ class Reach:
         own = np.ascontiguousarray(q[:, joints] * scale[joints], dtype=float)
         lower, upper = (limit[joints] * scale[joints] for limit in limits)
         twists = self.twists / scale[joints, None]
-        _put(own, twists, self.signs, self.point, self._bulge, place, normal, lower, upper, steps)
+        put_onto(
+            own, twists, self.signs, self.point, self._bulge, place, normal, lower, upper, steps
+        )
         q[:, joints] = own / scale[joints]
         return q
 
@@ -146,8 +148,21 @@ def _places(q, twists, signs, point, bulge, normal, place, by_q):
 
 
 @compiled
-def _put(x, twists, signs, point, bulge, goal, normal, lower, upper, steps):
-    """Moves scaled postures `(n, L)` x as `Reach.put` says."""
+def put_onto(x, twists, signs, point, bulge, goal, normal, lower, upper, steps):
+    """Moves scaled postures `(n, L)` x as `Reach.put` says.
+
+    Args:
+        x: moved in place.
+        twists: `(L, 6)` of the scaled joints.
+        signs: `(L,)` 1, or -1 for joints that the way passes backwards.
+        point: `(3,)` the toucher's centre.
+        bulge: `(3, 3)` of its shape; zeros for a point or a ball.
+        goal: `(n, 3)` where it shall be.
+        normal: `(n, 3)` outward normals of the skin there.
+        lower: `(L,)` limits of x.
+        upper: `(L,)` likewise.
+        steps: that are made.
+    """
     length = len(twists)
     turn, place, by_x = np.empty((3, 3)), np.empty(3), np.empty((3, length))
     work = (np.empty((length + 1, 3)), np.empty((length, 4)), np.empty(3))
@@ -196,23 +211,3 @@ def _solved(A, x, y, z):
         (c1 * x + d1 * y + e1 * z) / size,
         (c2 * x + d2 * y + e2 * z) / size,
     )
-
-
-def step_towards(way: np.ndarray, by_q: np.ndarray, longest: float) -> np.ndarray:
-    """`(n, L)` a step of the joints that brings a toucher nearer to where it should be.
-
-    Damped least squares: the shortest step that does, no longer than `longest`.
-
-    Args:
-        way: `(n, 3)` from where it is to where it should be.
-        by_q: `(n, 3, L)` how the joints move it there.
-        longest: norm of a step.
-    """
-    square = np.einsum("nal,nbl->nab", by_q, by_q)
-    damping = _DAMPED * np.einsum("naa->n", square)
-    square += damping[:, None, None] * np.eye(3)
-    pull = np.linalg.solve(square, way[:, :, None])[:, :, 0]
-    step = np.einsum("nal,na->nl", by_q, pull)
-    size = np.linalg.norm(step, axis=1, keepdims=True)
-    step *= np.minimum(1.0, longest / np.maximum(size, 1e-12))
-    return step
