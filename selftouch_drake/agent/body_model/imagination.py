@@ -20,6 +20,7 @@ from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.own_parts import OwnParts
 from selftouch_drake.agent.body_model.roadmap import Roadmap
 from selftouch_drake.agent.body_model.surface import TouchedSurface, evenly, touched_surfaces
+from selftouch_drake.agent.body_model.taut import pulled_taut
 from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
 from selftouch_drake.agent.planning.prediction import Prediction
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
@@ -39,6 +40,8 @@ _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
+# A rough motion that is farther from it is not made smooth: it stays as far.
+_HOPELESS = 0.5
 # Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
 # they come as near as the second is made smooth once more, so that they keep away.
 _MARGIN, _NEAR = 0.1, 0.2
@@ -307,9 +310,12 @@ class Imagination:
         self, skin: Lifter, rough: Sequence[np.ndarray], way: SkinWay, goal: int
     ) -> list[Leg]:
         """Some rough motions made smooth, the best first."""
-        order = np.argsort([_cost(one, _missed(skin, one, way)) for one in rough])
+        missed = np.array([_missed(skin, one, way) for one in rough])
+        order = np.argsort([_cost(*one) for one in zip(rough, missed, strict=True)])
         found = list[Leg]()
         for number in order:
+            if found and missed[number] > _HOPELESS:
+                break
             found.append(self._smooth(skin, rough[number], way, goal))
             keeps = len(found) >= _TRIED and any(leg.error <= _MISSED for leg in found)
             if keeps or sum(leg.good for leg in found) >= _ENOUGH:
@@ -318,26 +324,22 @@ class Imagination:
 
     def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
         """A motion through firm touches, where the straight way asks too much of the joints."""
-        surface, joints = skin.surface, skin.reach.joints
         most = self._most_deep(x)
 
         def too_deep(x: np.ndarray) -> np.ndarray:
             return self._excess(x) > most
 
-        passed = self._roadmap(surface).way(x, goals, too_deep)
+        passed = self._roadmap(skin.surface).way(x, goals, too_deep)
         if passed is None:
             return None
-        place = surface.projected(skin.centres(passed))[0]
-        keys = np.concatenate([place / surface.spacing, passed[:, joints]], axis=1)
-        length = np.linalg.norm(np.diff(keys, axis=0), axis=1).sum()
-        keys = evenly(keys, int(np.clip(length / _SHORT, _KNOTS, _MOST_KNOTS)))
-        for _ in range(_EASED):
-            keys[1:-1] = 0.5 * keys[1:-1] + 0.25 * (keys[:-2] + keys[2:])
-        way = skin.over(surface.projected(keys[:, :3] * surface.spacing)[0])
-        rough = np.repeat(x[None], len(keys), axis=0)
-        rough[1:, joints] = keys[1:, 3:]
-        rough[1:] = skin.put(rough[1:], way.place[1:], way.normal[1:])
-        return self._smooth(skin, rough, way, goal)
+        way, loose = _evenly_over(skin, passed, eased=_EASED)
+        taut = pulled_taut(skin, loose, way.place[-1])
+        # Where the joints turn fast it needs more knots.
+        over, x_taut = _evenly_over(skin, taut)
+        leg = self._smooth(skin, x_taut, over, goal)
+        if leg.good:
+            return leg
+        return min(leg, self._smooth(skin, loose, way, goal), key=lambda leg: leg.cost)
 
     def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
@@ -442,6 +444,31 @@ class Imagination:
             waypoint_s=path_length(passed)[at],
             path=path,
         )
+
+
+def _evenly_over(skin: Lifter, x: np.ndarray, *, eased: int = 0) -> tuple[SkinWay, np.ndarray]:
+    """A motion `(n, J)` over the skin, with knots at equal distances on it and in the joints.
+
+    Args:
+        skin: the toucher and the skin.
+        x: the motion.
+        eased: rounds in which each knot moves towards its neighbours.
+
+    Returns:
+        Its way over the skin, and `(T, J)` the motion, put onto it.
+    """
+    surface, joints = skin.surface, skin.reach.joints
+    place = surface.projected(skin.centres(x))[0]
+    keys = np.concatenate([place / surface.spacing, x[:, joints]], axis=1)
+    length = np.linalg.norm(np.diff(keys, axis=0), axis=1).sum()
+    keys = evenly(keys, int(np.clip(length / _SHORT, _KNOTS, _MOST_KNOTS)))
+    for _ in range(eased):
+        keys[1:-1] = 0.5 * keys[1:-1] + 0.25 * (keys[:-2] + keys[2:])
+    way = skin.over(surface.projected(keys[:, :3] * surface.spacing)[0])
+    put = np.repeat(x[:1], len(keys), axis=0)
+    put[1:, joints] = keys[1:, 3:]
+    put[1:] = skin.put(put[1:], way.place[1:], way.normal[1:])
+    return way, put
 
 
 def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> float:

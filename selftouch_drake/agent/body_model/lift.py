@@ -23,9 +23,9 @@ _SMOOTHED, _MOST = 15, 0.5
 # A step that does not pay is halved so often; when one gains less than this share, the motion is
 # smooth.
 _HALVED, _GAIN = 4, 0.01
-# Weights of squared speed and of squared acceleration, per knot and mu, beside squared errors of
-# the place in their tolerances.
-_SPEED, _ACCELERATION = 1.0, 20.0
+# Weight of squared acceleration beside squared speed, per knot and mu, and squared errors of the
+# place in their tolerances.
+_ACCELERATION = 20.0
 # Own parts keep this from their limits, in distances of kernels, with this tolerance.
 _MARGIN, _APART = 0.2, 0.1
 # The end is held more tightly than the way, by this factor, for so many knots.
@@ -166,7 +166,7 @@ class Lifter:
         x, joints = x.copy(), self.reach.joints
         num, length = len(x), len(joints)
         lower, upper = self.lower[joints], self.upper[joints]
-        root, rough = way.weight(), _roughness(num)
+        root, rough = way.weight(), roughness(num, acceleration=_ACCELERATION)
         bands = np.zeros((3 * length, num * length))
         for off in range(3):
             bands[off * length] = np.pad(np.repeat(np.diag(rough, -off), length), (0, off * length))
@@ -216,9 +216,9 @@ class Lifter:
         return x
 
 
-@lru_cache(maxsize=8)
-def _roughness(num: int) -> np.ndarray:
-    """`(T, T)` what squared speed and acceleration of so many knots make of them."""
+@lru_cache(maxsize=32)
+def roughness(num: int, *, acceleration: float) -> np.ndarray:
+    """`(T, T)` what squared speed and acceleration, so much weighed, of T knots make of them."""
     speed = np.diff(np.eye(num), axis=0)
     bend = np.diff(np.eye(num), 2, axis=0)
-    return _SPEED * speed.T @ speed + _ACCELERATION * bend.T @ bend
+    return speed.T @ speed + acceleration * bend.T @ bend
