@@ -294,11 +294,11 @@ class Imagination:
         near[:, np.delete(np.arange(len(x)), joints)] = np.delete(x, joints)
         near = near[np.argsort(np.linalg.norm(near - x, axis=1), kind="stable")[:_GOALS]]
         lived = lived[np.argsort(np.linalg.norm(lived - x, axis=1), kind="stable")[:_GOALS]]
-        rough = [*skin.blended(x, near, way), skin.followed(x, way)]
+        rough = np.concatenate([skin.blended(x, near, way), skin.followed(x, way)[None]])
         found = self._best_smooth(skin, rough, way, goal)
         if found[0].beside:
             # Something else is felt beside the goal: all joints go where they were when it was not.
-            found += self._best_smooth(skin, list(skin.blended(x, lived, way)), way, goal)
+            found += self._best_smooth(skin, skin.blended(x, lived, way), way, goal)
         best = min(found, key=lambda leg: leg.cost)
         if not best.good:
             about = self._round_about(skin, x, near, goal)
@@ -306,11 +306,9 @@ class Imagination:
                 return about
         return best
 
-    def _best_smooth(
-        self, skin: Lifter, rough: Sequence[np.ndarray], way: SkinWay, goal: int
-    ) -> list[Leg]:
-        """Some rough motions made smooth, the best first."""
-        missed = np.array([_missed(skin, one, way) for one in rough])
+    def _best_smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> list[Leg]:
+        """Some of `(n, T, J)` rough motions made smooth, the best first."""
+        missed = _missed(skin, rough, way)
         order = np.argsort([_cost(*one) for one in zip(rough, missed, strict=True)])
         found = list[Leg]()
         for number in order:
@@ -357,7 +355,7 @@ class Imagination:
         """A motion over the skin with what is felt on it, and how well it keeps to its way."""
         node = skin.surface.kernel_at(skin.centres(x))
         node[-1] = goal
-        return Leg(x=x, node=node, error=_missed(skin, x, way))
+        return Leg(x=x, node=node, error=float(_missed(skin, x[None], way)[0]))
 
     def _deep(self, x: np.ndarray) -> float:
         """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
@@ -471,14 +469,15 @@ def _evenly_over(skin: Lifter, x: np.ndarray, *, eased: int = 0) -> tuple[SkinWa
     return way, put
 
 
-def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> float:
-    """How far a motion `(T, J)` is from its way, as `Leg.error` says."""
+def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> np.ndarray:
+    """`(n,)` how far motions `(n, T, J)` are from their way, as `Leg.error` says."""
     # Between knots as well: a wrist that turns over there leaves the skin.
-    place, normal = dense(way.place), dense(way.normal)
-    at = skin.places(dense(x), normal)[0]
-    across = np.abs(np.einsum("ta,ta->t", at - place, normal))[_BEGUN * _BETWEEN :]
-    end = np.linalg.norm(at[-1] - place[-1])
-    return max(float(across.max()), float(end)) / skin.surface.spacing
+    place, normal, x = dense(way.place), dense(way.normal), dense(x)
+    at = skin.places(x.reshape(-1, x.shape[-1]), np.tile(normal, (len(x), 1)))[0]
+    off = at.reshape(*x.shape[:2], 3) - place
+    across = np.abs(np.einsum("nta,ta->nt", off, normal))[:, _BEGUN * _BETWEEN :]
+    end = np.linalg.norm(off[:, -1], axis=1)
+    return np.maximum(across.max(axis=1), end) / skin.surface.spacing
 
 
 def _cost(x: np.ndarray, error: float) -> float:
@@ -487,9 +486,9 @@ def _cost(x: np.ndarray, error: float) -> float:
 
 
 def dense(knots: np.ndarray) -> np.ndarray:
-    """`(n, D)` samples of the smooth curve through `(T, D)` knots, `_BETWEEN` for each step."""
-    samples = _between(len(knots)) @ knots
-    samples[::_BETWEEN] = knots
+    """`(…, n, D)` samples of smooth curves through `(…, T, D)` knots, `_BETWEEN` for each step."""
+    samples = _between(knots.shape[-2]) @ knots
+    samples[..., ::_BETWEEN, :] = knots
     return samples
 
 

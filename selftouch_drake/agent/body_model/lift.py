@@ -16,8 +16,8 @@ _ACROSS, _ALONG = 0.05, 0.2
 _NEAR = 1.5
 # It presses the skin if it is no higher above firm touches than this, likewise.
 _HIGH = 0.3
-# Steps of damped least squares that put a posture onto its place.
-_PUT = 8
+# Steps of damped least squares that put a posture onto its place, and from there onto the next.
+_PUT, _FOLLOWED = 8, 3
 # Steps of Gauss-Newton over the whole motion, each at most so long, mu.
 _SMOOTHED, _MOST = 15, 0.5
 # A step that does not pay is halved so often; when one gains less than this share, the motion is
@@ -146,10 +146,10 @@ class Lifter:
 
     def followed(self, x_start: np.ndarray, way: SkinWay) -> np.ndarray:
         """`(T, J)` the motion from a posture that follows the way step by step."""
-        x = [x_start]
-        for place, normal in zip(way.place[1:], way.normal[1:], strict=True):
-            x.append(self.put(x[-1][None], place[None], normal[None], steps=3)[0])
-        return np.array(x)
+        limits = self.lower / self.scale, self.upper / self.scale
+        q_start, place, normal = x_start / self.scale, way.place[1:], way.normal[1:]
+        q = self.reach.follow(q_start, place, normal, limits, scale=self.scale, steps=_FOLLOWED)
+        return np.concatenate([x_start[None], q * self.scale])
 
     def smoothed(
         self, x: np.ndarray, way: SkinWay, own_parts: OwnParts | None = None

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,11 +12,12 @@ from selftouch_drake.agent.body_model.support import SHAPE_BASIS
 from selftouch_drake.compiled import compiled, inner
 
 # Share of the joints' squared reach by which steps that put a posture onto a place are damped, and
-# the longest step, mu.
-_DAMPED, _LONGEST = 1e-3, 0.6
+# the longest step, mu; after a step shorter than the last, the posture has arrived.
+_DAMPED, _LONGEST, _ARRIVED = 1e-3, 0.6, 1e-4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+# No slots: what its shape makes is computed once.
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Reach:
     """The joints between a part of the skin and a toucher, and where they carry it.
 
@@ -97,19 +99,44 @@ class Reach:
             normal: `(n, 3)` as of `places`.
             limits: `(J,)` lowest and highest readings.
             scale: `(J,)` mu per unit of each reading: ways are short in mu.
-            steps: that are made.
+            steps: that are made at most.
         """
+        return self._moved(put_onto, q, place, normal, limits, scale, steps)
+
+    def follow(
+        self,
+        q_start: np.ndarray,
+        place: np.ndarray,
+        normal: np.ndarray,
+        limits: tuple[np.ndarray, np.ndarray],
+        *,
+        scale: np.ndarray,
+        steps: int,
+    ) -> np.ndarray:
+        """`(n, J)` postures with the toucher at places, each put there from the one before it.
+
+        Args:
+            q_start: `(J,)` readings of all joints, from which the first is put.
+            place: as of `put`.
+            normal: likewise.
+            limits: likewise.
+            scale: likewise.
+            steps: likewise.
+        """
+        q = np.repeat(q_start[None], len(place), axis=0)
+        return self._moved(follow_onto, q, place, normal, limits, scale, steps)
+
+    def _moved(self, move, q, place, normal, limits, scale, steps) -> np.ndarray:
+        """Postures that a compiled function moves."""
         q, joints = q.copy(), self.joints
         own = np.ascontiguousarray(q[:, joints] * scale[joints], dtype=float)
         lower, upper = (limit[joints] * scale[joints] for limit in limits)
         twists = self.twists / scale[joints, None]
-        put_onto(
-            own, twists, self.signs, self.point, self._bulge, place, normal, lower, upper, steps
-        )
+        move(own, twists, self.signs, self.point, self._bulge, place, normal, lower, upper, steps)
         q[:, joints] = own / scale[joints]
         return q
 
-    @property
+    @cached_property
     def _bulge(self) -> np.ndarray:
         """`(3, 3)` of the toucher's shape, as in `support.bulge`."""
         return np.tensordot(self.shape, SHAPE_BASIS, axes=1)
@@ -161,34 +188,57 @@ def put_onto(x, twists, signs, point, bulge, goal, normal, lower, upper, steps):
         normal: `(n, 3)` outward normals of the skin there.
         lower: `(L,)` limits of x.
         upper: `(L,)` likewise.
-        steps: that are made.
+        steps: that are made at most.
     """
-    length = len(twists)
-    turn, place, by_x = np.empty((3, 3)), np.empty(3), np.empty((3, length))
-    work = (np.empty((length + 1, 3)), np.empty((length, 4)), np.empty(3))
-    square, move = np.empty((3, 3)), np.empty(length)
+    work = _room(len(twists))
     for i in range(len(x)):
-        for _ in range(steps):
-            _place(x[i], twists, signs, point, bulge, normal[i], work, place, by_x, turn)
-            for row in range(3):
-                for column in range(3):
-                    square[row, column] = 0.0
-                    for joint in range(length):
-                        square[row, column] += by_x[row, joint] * by_x[column, joint]
-            damping = _DAMPED * (square[0, 0] + square[1, 1] + square[2, 2])
-            for axis in range(3):
-                square[axis, axis] += damping
-            a, b, c = _solved(
-                square, goal[i, 0] - place[0], goal[i, 1] - place[1], goal[i, 2] - place[2]
-            )
-            size = 0.0
-            for joint in range(length):
-                move[joint] = by_x[0, joint] * a + by_x[1, joint] * b + by_x[2, joint] * c
-                size += move[joint] * move[joint]
-            shorter = min(1.0, _LONGEST / max(math.sqrt(size), 1e-12))
-            for joint in range(length):
-                moved = x[i, joint] + shorter * move[joint]
-                x[i, joint] = min(max(moved, lower[joint]), upper[joint])
+        _put(x[i], twists, signs, point, bulge, goal[i], normal[i], lower, upper, steps, work)
+
+
+@compiled
+def follow_onto(x, twists, signs, point, bulge, goal, normal, lower, upper, steps):
+    """As `put_onto`, but each row is put from where the one before it ends; x gives the first."""
+    work = _room(len(twists))
+    for i in range(len(x)):
+        if i > 0:
+            x[i] = x[i - 1]
+        _put(x[i], twists, signs, point, bulge, goal[i], normal[i], lower, upper, steps, work)
+
+
+@inner
+def _room(length):
+    """Room for `_put` with so many joints."""
+    slopes = (np.empty((length + 1, 3)), np.empty((length, 4)), np.empty(3))
+    at = (np.empty((3, 3)), np.empty(3), np.empty((3, length)))
+    return slopes, at, np.empty((3, 3)), np.empty(length)
+
+
+@inner
+def _put(x, twists, signs, point, bulge, goal, normal, lower, upper, steps, work):
+    """Moves one posture `(L,)` as `put_onto` does."""
+    slopes, (turn, place, by_x), square, move = work
+    length = len(twists)
+    for _ in range(steps):
+        _place(x, twists, signs, point, bulge, normal, slopes, place, by_x, turn)
+        for row in range(3):
+            for column in range(3):
+                square[row, column] = 0.0
+                for joint in range(length):
+                    square[row, column] += by_x[row, joint] * by_x[column, joint]
+        damping = _DAMPED * (square[0, 0] + square[1, 1] + square[2, 2])
+        for axis in range(3):
+            square[axis, axis] += damping
+        a, b, c = _solved(square, goal[0] - place[0], goal[1] - place[1], goal[2] - place[2])
+        size = 0.0
+        for joint in range(length):
+            move[joint] = by_x[0, joint] * a + by_x[1, joint] * b + by_x[2, joint] * c
+            size += move[joint] * move[joint]
+        shorter = min(1.0, _LONGEST / max(math.sqrt(size), 1e-12))
+        for joint in range(length):
+            moved = x[joint] + shorter * move[joint]
+            x[joint] = min(max(moved, lower[joint]), upper[joint])
+        if size < _ARRIVED * _ARRIVED:
+            break
 
 
 @inner

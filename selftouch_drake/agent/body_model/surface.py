@@ -217,9 +217,30 @@ def _thinned(place: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
 
 def evenly(way: np.ndarray, num: int) -> np.ndarray:
     """`(num, D)` points at equal distances along a `(n, D)` polyline."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-    at = np.linspace(0.0, length[-1], num)
-    return np.stack([np.interp(at, length, way[:, axis]) for axis in range(way.shape[1])], axis=1)
+    points = np.empty((num, way.shape[1]))
+    _evenly(np.ascontiguousarray(way), points)
+    return points
+
+
+@compiled
+def _evenly(way, points):
+    """Fills in what `evenly` gives."""
+    length = np.empty(len(way))
+    length[0] = 0.0
+    for i in range(1, len(way)):
+        square = 0.0
+        for axis in range(way.shape[1]):
+            square += (way[i, axis] - way[i - 1, axis]) ** 2
+        length[i] = length[i - 1] + math.sqrt(square)
+    step, last = np.int64(0), len(points) - 1
+    for number in range(len(points)):
+        at = length[-1] * number / last
+        while step < len(way) - 2 and length[step + 1] < at:
+            step += 1
+        own = length[step + 1] - length[step]
+        share = min((at - length[step]) / own, 1.0) if own > 0.0 else 0.0
+        for axis in range(way.shape[1]):
+            points[number, axis] = way[step, axis] + share * (way[step + 1, axis] - way[step, axis])
 
 
 @compiled

@@ -126,7 +126,7 @@ def test_a_fist_touches_where_its_surface_faces_the_skin():
     # The ellipsoid-like surface x(u) = grad (h(u) |u|) is farthest along u where it touches.
     for row in range(5):
         R = by_expm(TWISTS, np.append(q[row], np.zeros(5)), 0)[:3, :3]
-        around = rng.normal(size=(4000, 3))
+        around = rng.normal(size=(20000, 3))
         around /= np.linalg.norm(around, axis=1, keepdims=True)
         surface = bulge(shape[0], around) + around
         u = -R.T @ normal[0]
