@@ -16,6 +16,7 @@ from selftouch_drake.agent.body_model.own_parts import OwnParts
 from selftouch_drake.agent.body_model.reach import Reach
 from selftouch_drake.agent.body_model.roadmap import Roadmap
 from selftouch_drake.agent.body_model.surface import evenly, touched_surfaces
+from selftouch_drake.agent.body_model.taut import pulled_taut
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.practice import practise
 from selftouch_drake.agent.practice.sliding import Slider
@@ -271,6 +272,41 @@ def test_a_roadmap_joins_lived_postures_by_steps_on_the_skin(cube, still):
     assert np.array_equal(roadmap.way(x[0], x[-5:]), way)
     # A posture far from all that was lived has no step to the others.
     assert roadmap.way(x[0] + 9.0, x[-5:]) is None
+
+
+def test_a_motion_pulled_taut_is_shorter_on_the_skin_and_stays_on_it(cube):
+    representation, model, _ = cube
+    (surface,) = touched_surfaces(model, representation)
+    lifter = lifter_of(surface, representation)
+    x = representation.scaled(representation.kernel_q[surface.row[surface.firm]]).astype(float)
+    # By way of a touch elsewhere.
+    far = np.linalg.norm(x - x[0], axis=1).argmax()
+    there = evenly(surface.way(*lifter.centres(x[[0, far]]), 40), 40)
+    back = surface.way(there[-1], lifter.centres(x[:1])[0] + 2.0 * surface.spacing, 40)
+    wandering = lifter.followed(x[0], lifter.over(np.concatenate([there, back[1:]])))
+    taut = pulled_taut(lifter, wandering, surface.projected(back[-1:])[0][0])
+
+    def length(x):
+        at = lifter.centres(x)
+        return np.linalg.norm(np.diff(at, axis=0), axis=1).sum()
+
+    assert length(taut) < 0.7 * length(wandering)
+    assert np.array_equal(taut[0], wandering[0])
+    at = lifter.centres(taut)
+    assert np.linalg.norm(at - surface.projected(at)[0], axis=1).max() < 0.1 * surface.spacing
+    assert np.linalg.norm(at[-1] - surface.projected(back[-1:])[0][0]) < 0.3 * surface.spacing
+
+
+def test_following_a_way_puts_each_posture_near_the_one_before(cube):
+    representation, model, _ = cube
+    (surface,) = touched_surfaces(model, representation)
+    lifter = lifter_of(surface, representation)
+    x = representation.scaled(representation.kernel_q[surface.row[0]]).astype(float)
+    way = lifter.over(surface.way(lifter.centres(x[None])[0], surface.node[-1], 30))
+    followed = [x]
+    for place, normal in zip(way.place[1:], way.normal[1:], strict=True):
+        followed.append(lifter.put(followed[-1][None], place[None], normal[None], steps=3)[0])
+    np.testing.assert_allclose(lifter.followed(x, way), followed, atol=1e-12)
 
 
 def test_own_parts_may_be_as_deep_in_each_other_as_they_have_been(cube, monkeypatch):
