@@ -8,15 +8,15 @@
 A name of an experiment is babbled and learned for each seed (or taken from --runs, if it is there);
 a folder is a run that has learned. Random pairs of sensations on one part are planned from the same
 starts in several ways, and judged by the experimenter without dynamics: contact (mean and worst),
-goals felt, postures and plans in which rigid parts overlap, perfect plans (contact throughout, the goal
-felt, no overlap), the path on the true skin over the shortest (median and worst), motion of the
-joints, prediction error, milliseconds of processor time for a plan with times and prediction, plans
-that leave the skin on purpose (their time in the air is not lost contact), and the share of the
-plans that the model knew a way for.
+goals felt, postures and plans in which rigid parts overlap, perfect plans (contact throughout, the
+goal felt, no overlap), the path on the true skin over the shortest (median and worst), motion of
+the joints, prediction error, milliseconds of processor time for a plan with times and prediction,
+plans that leave the skin on purpose (their time in the air is not lost contact), and the share of
+the plans that the model knew a way for.
 
 Ways: `imagined` and `paper` as above; `checked` is an imagined plan after practice, `practised` one
-of the paper after it; `no_...` are `practised` without one of the methods of practice, or without the
-network that bends steps: what it is worth where no body model is accepted.
+of the paper after it; `no_...` are `practised` without one of the methods of practice, or without
+the network that bends steps: what it is worth where no body model is accepted.
 """
 
 import argparse
@@ -81,6 +81,8 @@ def learned(name: str, seed: int, folder: Path, changes: str) -> Path:
     return path
 
 
+_PRACTICE = sys.modules[NoWayError.__module__]
+
 #: What each way plans with: whether the body model counts, whether plans are practised, and what is
 #: taken away.
 WAYS: dict[str, tuple[bool, bool, dict[tuple[object, str], object]]] = {
@@ -93,7 +95,7 @@ WAYS: dict[str, tuple[bool, bool, dict[tuple[object, str], object]]] = {
     "no_aside": (
         False,
         True,
-        {(sys.modules[NoWayError.__module__], "out_of_the_way"): lambda *_: None},
+        {(_PRACTICE, "out_of_the_way"): lambda *_: None},
     ),
     "no_costs": (False, True, {(RehearsalMemory, "avoiding"): lambda memory, _: memory}),
     "no_missed": (False, True, {(RehearsalMemory, "missing"): lambda memory, _: memory}),
