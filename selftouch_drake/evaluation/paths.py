@@ -90,22 +90,47 @@ class TruePaths:
         if single < LEAST_SINGLE or (pairs != pairs[:, :1]).any():
             return None
         skin = int(contacts.skin[0])
-        vertices = self._fields[skin].vertices
-        corners, parts = self._fields[skin].parts_at(contacts.p_LC)
-        at = np.einsum("nv,nvi->ni", parts, vertices[corners])
-        ends = corners[[0, -1]]
-        to_corner = np.linalg.norm(vertices[ends] - at[[0, -1], None], axis=2)
-        along = dijkstra(self._lines[skin], indices=ends[0])[:, ends[1]]
-        shortest = float((to_corner[0][:, None] + along + to_corner[1]).min())
-        if not STRIDE < shortest < np.inf:
+        at = self._on_surface(skin, contacts.p_LC)[0]
+        shortest = self.shortest(skin, contacts.p_LC[[0, -1]])
+        if shortest is None or not (along := _length(shortest)) > STRIDE:
             return None
         length = in_strides(
             len(at), lambda i, others: np.linalg.norm(at[others] - at[i], axis=1), STRIDE
         )
-        return max(length / shortest, 1.0)
+        return max(length / along, 1.0)
+
+    def shortest(self, skin: int, p_LE: np.ndarray) -> np.ndarray | None:
+        """`(n, 3)` m, the shortest way on the surface of a skin; None if there is none.
+
+        Args:
+            skin: its number.
+            p_LE: `(2, 3)` m, places near the surface, in its frame: start and end of the way.
+        """
+        ends, corners = self._on_surface(skin, p_LE)
+        vertices = self._fields[skin].vertices
+        to_corner = np.linalg.norm(vertices[corners] - ends[:, None], axis=2)
+        along, before = dijkstra(self._lines[skin], indices=corners[0], return_predecessors=True)
+        total = to_corner[0][:, None] + along[:, corners[1]] + to_corner[1]
+        first, last = np.unravel_index(total.argmin(), total.shape)
+        if not np.isfinite(total[first, last]):
+            return None
+        passed = [int(corners[1, last])]
+        while passed[-1] != corners[0, first]:
+            passed.append(int(before[first, passed[-1]]))
+        return np.concatenate([ends[:1], vertices[passed[::-1]], ends[1:]])
+
+    def _on_surface(self, skin: int, p_LQ: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(n, 3)` m, places on the surface below others, and `(n, 3)` the vertices round each."""
+        corners, parts = self._fields[skin].parts_at(p_LQ)
+        return np.einsum("nv,nvi->ni", parts, self._fields[skin].vertices[corners]), corners
 
     @cached_property
     def _lines(self) -> list[csr_matrix]:
         """Graphs of straight lines on the skins."""
         surfaces = ((field.vertices, field.faces) for field in self._fields)
         return [surface_paths(trimesh.Trimesh(*surface, process=False)) for surface in surfaces]
+
+
+def _length(path: np.ndarray) -> float:
+    """m, of a polyline `(n, 3)`."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

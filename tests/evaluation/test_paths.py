@@ -48,6 +48,16 @@ def test_the_long_way_round_and_the_way_back_count(ball):
     assert 1.3 < waves < 1.6
 
 
+def test_the_shortest_way_begins_and_ends_on_the_surface_above_the_places(ball):
+    ends = arc(np.array([0.0, 2.0]))
+    way = ball.shortest(1, ends)
+    radius = np.linalg.norm(way, axis=1)
+    assert np.ptp(radius) < 0.01 * radius.mean()
+    np.testing.assert_allclose(way[[0, -1]] / radius.mean(), ends / 0.19, atol=0.01)
+    along = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+    assert along == pytest.approx(2.0 * radius.mean(), rel=0.03)
+
+
 def test_paths_that_cannot_be_compared_have_no_ratio(ball):
     there = arc(np.linspace(0.0, 2.0, 50))
     assert ball.over_shortest(contacts(there[:1])) is None

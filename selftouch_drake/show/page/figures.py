@@ -7,10 +7,14 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.bodies.embodiment import pilot_in
+from selftouch_drake.evaluation.paths import TruePaths
 from selftouch_drake.files import written_whole
-from selftouch_drake.run.artifacts import load_motion
+from selftouch_drake.run.artifacts import load_agent, load_motion
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.stages import Progress, silent
+from selftouch_drake.run.worlds import run_bodies
 from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.found_figures import found_numbers, found_receptors
 from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
@@ -57,12 +61,43 @@ def plan_path(data: RunData) -> Figure:
     return motion_figures.plan_path(data.skins_at_home, paths, known, len(motion.q))
 
 
+def plan_ways(data: RunData) -> Figure:
+    """The same plan before practice, practised and executed, and the shortest way on the skin."""
+    start, goal = data.shown_pair
+    execution = data.execution(start, goal)
+    motion = execution.motion
+    pilot = pilot_in(run_bodies(data.run), load_agent(data.run), data.run.experiment)
+    agent = pilot.agent.recalling(RehearsalMemory.blank(pilot.agent.representation))
+    plan = agent.plan(start, goal, q_start=motion.q[0])
+    before = plan.path(np.linspace(0.0, plan.waypoint_s[-1], len(motion.q)))
+    of = "imagined, " if plan.is_imagined else ""
+    ways = list[motion_figures.FollowedWay]()
+    for title, q in (
+        (f"{of}before practice", before),
+        ("practised", motion.q),
+        ("executed", execution.q_measured),
+    ):
+        paths = touch_paths(data.world, q)
+        if not paths:
+            raise MissingError("the plan of this figure touches nothing; evaluate again")
+        longest = max(paths, key=lambda path: len(path.rows))
+        felt = data.world.probe.sensations(q).any(axis=1)
+        title = f"{title}: {felt.mean():.0%} in contact"
+        ways.append(motion_figures.FollowedWay(title=title, path=longest, num_rows=len(q)))
+    skin = ways[0].path.skin
+    if any(way.path.skin != skin for way in ways):
+        raise MissingError("the motions of this figure are on different skins")
+    true = TruePaths([one.fields for one in data.world.skins])
+    shortest = true.shortest(skin, ways[0].path.points[[0, -1]])
+    return motion_figures.plan_ways(data.skins[skin], ways, shortest)
+
+
 # In the order of the paper. The name is that of the file.
 FIGURES: dict[str, Callable[[RunData], Figure]] = {
     draw.__name__: draw
     for draw in (
         *(agent, coverage, sensation_map, quotient_graph, body_shape, persistence, skeleton),
-        *(plan_path, felt_and_predicted, life),
+        *(plan_path, plan_ways, felt_and_predicted, life),
     )
 }
 

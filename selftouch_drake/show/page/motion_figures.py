@@ -1,6 +1,7 @@
 """Pictures of acting: the path over the skin, what was felt along it, and a whole life."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,7 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import SkinPath, SkinSurface
+from selftouch_drake.show.skins import SkinPath, SkinSurface, evenly_spaced
 from selftouch_drake.show.style import (
     BLUE,
     GREEN,
@@ -97,6 +98,55 @@ def plan_path(
     return figure
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FollowedWay:
+    """A motion as it passes over one skin.
+
+    Attributes:
+        title: what is said of it.
+        path: in the frame of the skin.
+        num_rows: instants of the motion.
+    """
+
+    title: str
+    path: SkinPath
+    num_rows: int
+
+
+@styled
+def plan_ways(
+    skin: SkinSurface, ways: Sequence[FollowedWay], shortest: np.ndarray | None
+) -> Figure:
+    """One plan before practice, practised and executed, beside the shortest way on the true skin.
+
+    Args:
+        skin: the surface, in its own frame.
+        ways: of the plan.
+        shortest: `(n, 3)` m, the shortest way; None if it is not known.
+    """
+    middle = skin.vertices.mean(axis=0)
+    pose = np.hstack([np.eye(3), -middle[:, None]])
+    over = np.concatenate([way.path.points for way in ways])
+    view = View.facing(over.mean(axis=0) - middle + 1e-9)
+    figure = Figure(figsize=(3.2 * len(ways), 3.6), layout="constrained")
+    grid = figure.add_gridspec(1, len(ways))
+    for column, way in enumerate(ways):
+        ax = add_scene(figure, grid[column], way.title)
+        line = None if shortest is None else evenly_spaced(shortest - middle, _DOT_SPACING / 2)
+        path = way.path.moved(pose)
+        _draw_paths(ax, view, skin.moved(pose), [path], [], way.num_rows, shortest=line)
+    finish_row(figure)
+    marks = [(45, GREEN, "start"), (45, BLUE, "end"), (6, BLUE, "the motion")]
+    if shortest is not None:
+        marks.append((6, ORANGE, "the shortest way on the true skin"))
+    handles = [
+        figure.axes[0].scatter([], [], s=size, color=color, label=label)
+        for size, color, label in marks
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
 def _draw_paths(
     ax: Axes,
     view: View,
@@ -104,9 +154,11 @@ def _draw_paths(
     paths: Sequence[SkinPath],
     known: Sequence[SkinPath],
     num_rows: int,
+    shortest: np.ndarray | None = None,
 ) -> None:
     none = np.zeros((0, 3))
     dots = np.concatenate([none, *(path.dots(_DOT_SPACING) for path in paths)])
+    others = none if shortest is None else shortest
     crosses = np.concatenate([none, *(path.points for path in known)])
     ends = [
         (end[None], color)
@@ -118,6 +170,8 @@ def _draw_paths(
     def mark(shown: Callable[[np.ndarray], np.ndarray], zorder: float) -> None:
         x, y = view.project(shown(dots))[:, :2].T
         ax.scatter(x, y, s=5, color=BLUE, linewidths=0, zorder=zorder)
+        x, y = view.project(shown(others))[:, :2].T
+        ax.scatter(x, y, s=4, color=ORANGE, linewidths=0, zorder=zorder + 0.05)
         x, y = view.project(shown(crosses))[:, :2].T
         ax.scatter(x, y, s=30, color=VERMILION, marker="x", linewidths=1.5, zorder=zorder + 0.1)
         for end, color in ends:
