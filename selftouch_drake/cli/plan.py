@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -33,6 +34,20 @@ TO_RECEPTOR = click.option(
     metavar="RECEPTOR",
     help="Number or name of a receptor to feel most, instead of --to.",
 )
+TO_PLACE = click.option(
+    "--to-place",
+    "place",
+    callback=numbers(float),
+    metavar="PART,X,Y,Z",
+    help="Place on a part of the body model, in its own unit, to touch, instead of --to.",
+)
+TO_PATTERN = click.option(
+    "--to-pattern",
+    "pattern",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="CSV file of one row, with a reading for each receptor, to feel, instead of --to.",
+)
 THROUGH = click.option(
     "--through",
     callback=numbers(int),
@@ -51,16 +66,29 @@ def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
         q_start: list[float] | None,
         goal: int | None,
         receptor: str | None,
+        place: list[float] | None,
+        pattern: Path | None,
         through: list[int] | None,
         **options: Any,
     ) -> None:
+        goals = {
+            "--to": goal,
+            "--to-receptor": receptor,
+            "--to-place": place,
+            "--to-pattern": pattern,
+        }
+        given = [option for option, value in goals.items() if value is not None]
+        if len(given) > 1:
+            raise click.UsageError(f"{' and '.join(given)} are both given; give one of them")
         if receptor is not None:
-            if goal is not None:
-                raise click.UsageError("--to and --to-receptor are both given; give one of them")
             goal = _target_of(directory, receptor)
+        elif place is not None:
+            goal = _target_at(directory, place)
+        elif pattern is not None:
+            goal = _target_like(directory, pattern)
         command(directory, _targets(start, q_start, goal, through), **options)
 
-    return of_a_run(FROM(FROM_Q(TO(TO_RECEPTOR(THROUGH(named))))))
+    return of_a_run(FROM(FROM_Q(TO(TO_RECEPTOR(TO_PLACE(TO_PATTERN(THROUGH(named))))))))
 
 
 @click.command()
@@ -210,6 +238,57 @@ def _target_of(directory: "RunDirectory", receptor: str) -> int:
         raise click.UsageError(f"--to-receptor: {error}") from error
     click.echo(f"receptor {names[number]}: target sensation {target}")
     return target
+
+
+def _target_at(directory: "RunDirectory", given: list[float]) -> int:
+    """The target sensation whose place on a part of the body model is nearest to a place.
+
+    Raises:
+        click.UsageError: These are not four numbers, or the model does not know the part.
+    """
+    from selftouch_drake.run.artifacts import load_body_model
+
+    if len(given) != 4 or not given[0].is_integer():
+        text = ",".join(f"{number:g}" for number in given)
+        raise click.UsageError(f"--to-place is {text}; give the number of a part and x, y, z")
+    try:
+        target = load_body_model(directory).target_at(int(given[0]), given[1:])
+    except ValueError as error:
+        raise click.UsageError(f"--to-place: {error}") from error
+    click.echo(f"nearest place that it knows: target sensation {target}")
+    return target
+
+
+def _target_like(directory: "RunDirectory", file: Path) -> int:
+    """The target sensation that is most like the readings in a file.
+
+    Raises:
+        click.UsageError: The file does not hold one number for each receptor, or nothing is felt.
+    """
+    import numpy as np
+
+    from selftouch_drake.agent.representation.touches import felt_kernels
+    from selftouch_drake.run.artifacts import load_representation
+
+    representation = load_representation(directory)
+    num = representation.target_sensations.shape[1]
+    try:
+        sensation = np.loadtxt(file, delimiter=",", ndmin=2)
+    except ValueError as error:
+        raise click.UsageError(f"--to-pattern: {file}: {error}") from error
+    if sensation.shape != (1, num):
+        rows, columns = sensation.shape
+        raise click.UsageError(
+            f"--to-pattern: {file} has {rows} rows of {columns} numbers; give one row of {num}, "
+            "the reading of each receptor"
+        )
+    if not np.isfinite(sensation).all():
+        raise click.UsageError(f"--to-pattern: {file} has a number that is not finite")
+    kernels = felt_kernels(representation, sensation[0])
+    if not len(kernels):
+        raise click.UsageError(f"--to-pattern: nothing is felt in {file}; give readings of a touch")
+    click.echo(f"most alike: target sensation {kernels[0]}")
+    return int(kernels[0])
 
 
 def _targets(

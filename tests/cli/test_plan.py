@@ -67,6 +67,47 @@ def test_a_receptor_is_a_goal(finished_run, tmp_path):
     assert line == "--to and --to-receptor are both given; give one of them"
 
 
+def test_a_pattern_is_a_goal(finished_run, tmp_path):
+    run, file = tmp_path / "run", tmp_path / "pattern.csv"
+    shutil.copytree(finished_run, run)
+    targets = np.load(run / "representation.npz")["target_sensations"]
+    np.savetxt(file, 3.0 * targets[[7]], delimiter=",")
+    planned = selftouch("plan", run, "--from", 2, "--to-pattern", file)
+    assert planned.status == 0, planned.stderr
+    assert "most alike: target sensation 7\n" in planned.stdout
+    num = targets.shape[1]
+    for text, line in (
+        (
+            "1,2\n",
+            f"--to-pattern: {file} has 1 rows of 2 numbers; give one row of {num}, the "
+            "reading of each receptor",
+        ),
+        (
+            ",".join(["0"] * num),
+            f"--to-pattern: nothing is felt in {file}; give readings of a touch",
+        ),
+    ):
+        file.write_text(text)
+        assert refused("plan", run, "--from", 0, "--to-pattern", file) == line
+    file.write_text("a,b")
+    assert refused("plan", run, "--from", 0, "--to-pattern", file).startswith("--to-pattern: ")
+
+
+def test_a_place_on_the_body_model_is_a_goal(finished_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(finished_run, run)
+    place = np.load(run / "body_model.npz")["kernel_place"][7] + 1e-3
+    given = ",".join(map(str, [0, *place.tolist()]))
+    planned = selftouch("plan", run, "--from", 2, "--to-place", given)
+    assert planned.status == 0, planned.stderr
+    assert "nearest place that it knows: target sensation 7\n" in planned.stdout
+    for given, line in (
+        ("0,1", "--to-place is 0,1; give the number of a part and x, y, z"),
+        ("9,0,0,0", "--to-place: part is 9; the model has parts 0 to 0"),
+    ):
+        assert refused("plan", run, "--from", 0, "--to-place", given) == line
+
+
 def test_a_plan_through_the_air_is_shown():
     def route(nodes, in_air):
         plan = SimpleNamespace(nodes=np.array(nodes), in_air=np.array(in_air, dtype=bool))

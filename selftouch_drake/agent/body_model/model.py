@@ -299,6 +299,27 @@ class BodyModel(Record):
             found[rows] = self._nearest(self._of_touchers(q[rows], target[rows]), target[rows])
         return found
 
+    def target_at(self, part: int, place: Sequence[float]) -> int:
+        """The target sensation that is felt nearest to a place on a part.
+
+        Args:
+            part: its number.
+            place: `(3,)` in the frame of the part's link, in the model's unit.
+
+        Raises:
+            ValueError: there is no such part, it was not accepted, or the place is not finite.
+        """
+        num_parts = len(self.accepted_by_part)
+        if not 0 <= part < num_parts:
+            raise ValueError(f"part is {part}; the model has parts 0 to {num_parts - 1}")
+        if not self.accepted_by_part[part]:
+            raise ValueError(f"part is {part}, of which the agent has no model: {self.reason}")
+        if not np.isfinite(place).all():
+            raise ValueError(f"place is {list(place)}; give three finite numbers")
+        off = np.linalg.norm(self.kernel_place - place, axis=1)
+        off[(self.kernel_part != part) | np.isnan(off)] = np.inf
+        return int(off.argmin())
+
     def receptors(self) -> Receptors:
         """The receptors in the order of the readings."""
         return Receptors(

@@ -136,6 +136,20 @@ def test_a_fist_touches_where_its_surface_faces_the_skin():
         assert depth == pytest.approx((surface @ u).max(), abs=1e-3)
 
 
+def test_a_place_names_a_target_of_its_part():
+    model = laid([BASE], TWISTS[:1], [BASE, BASE], [0], [[1, 0, 0]])
+    place = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    model = dataclasses.replace(model, kernel_place=place)
+    assert [model.target_at(part, [0.0, 0.0, 0.0]) for part in (0, 1)] == [0, 1]
+    with pytest.raises(ValueError, match="part is 2; the model has parts 0 to 1"):
+        model.target_at(2, [0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match=r"place is \[nan, 0.0, 0.0\]; give three finite numbers"):
+        model.target_at(0, [np.nan, 0.0, 0.0])
+    rejected = dataclasses.replace(model, accepted_by_part=np.zeros(2, dtype=bool))
+    with pytest.raises(ValueError, match="part is 0, of which the agent has no model: off"):
+        rejected.target_at(0, [0.0, 0.0, 0.0])
+
+
 def test_a_bulge_has_no_size_of_its_own_and_is_even():
     assert np.abs(np.trace(SHAPE_BASIS, axis1=1, axis2=2)).max() < 1e-15
     u = rng.normal(size=(50_000, 3))
