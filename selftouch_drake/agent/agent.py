@@ -145,14 +145,21 @@ class Agent:
         """The target sensation in which a receptor counts most; errors of `kernel_of_receptor`."""
         return kernel_of_receptor(self.representation, receptor)
 
-    def plan(self, *targets: int | None, q_start: np.ndarray | None = None, **options: Any) -> Plan:
+    def plan(
+        self,
+        *targets: int | None,
+        q_start: np.ndarray | None = None,
+        apart: float = 0.0,
+        **options: Any,
+    ) -> Plan:
         """Plans one continuous motion through two or more target sensations, in order.
 
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
         The first target is None if nothing is felt at `q_start`. Arguments and errors are as in
         `Planner.plan`: options are `aside`, `lift_off` and `limits`. Without the first two the plan
-        is imagined, where the body model knows a way.
+        is imagined, where the body model knows a way; own parts then stay so much farther `apart`
+        than in past postures, in distances of kernels.
         """
         if q_start is None:
             if not targets or targets[0] is None:
@@ -162,7 +169,9 @@ class Agent:
         if self.imagination is not None and not {"aside", "lift_off"} & options.keys():
             limits = options.get("limits")
             checked = self.planner.checked(q_start, targets, limits)
-            imagined = self.imagination.plan(*checked, pressure=self.memory.pressure, limits=limits)
+            imagined = self.imagination.plan(
+                *checked, pressure=self.memory.pressure, apart=apart, limits=limits
+            )
             if imagined is not None:
                 return imagined
         return self.planner.plan(q_start, targets, memory=self.memory, **options)

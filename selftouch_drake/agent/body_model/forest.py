@@ -26,6 +26,9 @@ _HUNG = 2500
 _FEWEST = 0.03
 # More touchers must explain so many more touches.
 _EARNED = 0.03
+# One that comes later than a part, besides, so many of those that are not explained yet: of these,
+# wrong joints explain some by chance.
+_LATE = 0.5
 # Joints that a hypothesis may have too many or too few, compared with a chain found alone.
 _APART = 2
 # Neighbours that nearly commute may change places where a part hangs between them: the bracket of
@@ -136,8 +139,15 @@ class Body:
         return {(p, u): links.way(links.part[p], links.toucher[u]) for p, u in self.pairs}
 
 
-def explained(scene: Scene, solution: Solution, part: int) -> float:
-    """Share of a part's touches nearer to their own kernel than kernels lie to each other."""
+def explained(scene: Scene, solution: Solution, part: int, *, of_known: bool = True) -> float:
+    """Share of a part's touches nearer to their own kernel than kernels lie to each other.
+
+    Args:
+        scene: touches.
+        solution: of these.
+        part: which part.
+        of_known: only touches of kernels whose places are known count.
+    """
     rows = scene.rows(part)
     touchers = scene.touchers(part)
     Y = all_places(scene, solution.twists, solution.points)[touchers][:, rows]
@@ -151,9 +161,8 @@ def explained(scene: Scene, solution: Solution, part: int) -> float:
         return 0.0
     apart = neighbour_distance(middle[known])
     far = np.linalg.norm(Y - middle[target], axis=2).min(axis=0)
-    return float(
-        (far[np.isfinite(far)] < apart).sum() / max(np.isfinite(middle[target][:, 0]).sum(), 1)
-    )
+    number = np.isfinite(middle[target][:, 0]).sum() if of_known else len(rows)
+    return float((far[np.isfinite(far)] < apart).sum() / max(number, 1))
 
 
 def dense_rows(
@@ -253,6 +262,43 @@ def _hung_there(some: Scene, body: Body, part: int, link: int) -> tuple[float, B
         # Without the one that touches least; and each alone, if there are two.
         touchers = [u for u in touchers if u != touchers[int(share.argmin())]]
     return best
+
+
+def with_late_touchers(scene: Scene, body: Body, random: np.random.Generator) -> Body:
+    """The body in which touchers that came later than a part touch it, where that explains more.
+
+    Where each kernel of a part is touched by one hand alone, half of them are enough to hang it,
+    before the other hand is known.
+
+    Args:
+        scene: touches; its ways are not read.
+        body: the tree.
+        random: which touches are looked at.
+    """
+    links = body.links
+    for part, link in links.part.items():
+        own = [u for p, u in body.pairs if p == part]
+        late = [
+            u for u in links.toucher if u not in own and len(links.way(link, links.toucher[u])) >= 3
+        ]
+        if not late:
+            continue
+        some = scene.some(dense_rows(scene.target, scene.rows(part), random))
+        before = _covered(some, body, part, own)
+        for toucher in late:
+            after = _covered(some, body, part, [*own, toucher])
+            if after > before + max(_EARNED, _LATE * (1.0 - before)):
+                own, before = [*own, toucher], after
+                body = replace(body, pairs=(*body.pairs, (part, toucher)))
+    return body
+
+
+def _covered(some: Scene, body: Body, part: int, touchers: list[int]) -> float:
+    """Share of all touches of a part that are explained if these touchers made them."""
+    links = body.links
+    ways = {(part, u): links.way(links.part[part], links.toucher[u]) for u in touchers}
+    tried = replace(some, ways=ways)
+    return explained(tried, started(tried, body.twists, body.points), part, of_known=False)
 
 
 def similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:

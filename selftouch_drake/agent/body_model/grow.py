@@ -16,6 +16,7 @@ from selftouch_drake.agent.body_model.forest import (
     explained,
     hung,
     joined,
+    with_late_touchers,
 )
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene
@@ -138,6 +139,9 @@ class _Grower:
     def full(self, body: Body) -> Body:
         """The body with all parts that can be added to it, one after another."""
         while True:
+            complete = with_late_touchers(self._training(), body, self.search.random)
+            if complete is not body:
+                body = self.bundled(complete)
             waiting = [part for part in self.parts if part not in body.links.part]
             bigger = self.with_hung(body, waiting) or self.with_attached(body, waiting)
             if bigger is None:

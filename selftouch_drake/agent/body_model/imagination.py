@@ -7,6 +7,7 @@ on those parts alone where held-out touches agree with it.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -133,6 +134,7 @@ class Imagination:
         goals: Sequence[int],
         *,
         pressure: float = 0.0,
+        apart: float = 0.0,
         limits: Limits | None = None,
     ) -> Plan | None:
         """Plans a motion as `Planner.plan` does; None where the model knows no good way.
@@ -142,8 +144,13 @@ class Imagination:
             here: the target sensation felt at the start; None if nothing is felt.
             goals: the target sensations to feel, in order.
             pressure: how much deeper than firm touches it presses, in distances of kernels.
+            apart: how much farther than in past postures own parts stay from each other, likewise.
             limits: the motion stays within them; by default within the range of experience.
         """
+        if apart > self.own_parts.apart:
+            careful = copy(self)
+            careful.own_parts = replace(self.own_parts, apart=apart)
+            return careful.plan(q_start, here, goals, pressure=pressure, apart=apart, limits=limits)
         x = self.representation.scaled(q_start)
         lower, upper = (self.representation.scaled(limit) for limit in limits or self._range)
         lower, upper = np.minimum(lower, x), np.maximum(upper, x)

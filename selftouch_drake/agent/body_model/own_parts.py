@@ -99,10 +99,12 @@ class OwnParts:
     Attributes:
         model: poses of the links.
         meetings: what may run into what, and how deep it may be in it, in distances of kernels.
+        apart: how much farther than this they stay from each other, likewise.
     """
 
     model: BodyModel
     meetings: Meetings
+    apart: float = 0.0
 
     @classmethod
     def of(
@@ -148,7 +150,7 @@ class OwnParts:
         """
         if not len(self.meetings.mover):
             return np.full(len(q), -np.inf)
-        return _over(self.meetings, self.model.link_poses(q))[0].max(axis=0)
+        return _over(self.meetings, self.model.link_poses(q))[0].max(axis=0) + self.apart
 
     def pushes(self, q: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What drives own parts away from each other, as least squares have it.
@@ -166,7 +168,7 @@ class OwnParts:
         slope, square = np.zeros((num, joints)), np.zeros((num, joints, joints))
         poses = self.model.link_poses(q)
         over, kept = _over(self.meetings, poses)
-        missing = np.maximum(over + margin, 0.0)
+        missing = np.maximum(over + margin + self.apart, 0.0)
         if missing.any():
             carries = np.zeros((joints + 1, joints), dtype=bool)
             for link in np.flatnonzero(self.model.used).tolist():

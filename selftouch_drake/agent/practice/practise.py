@@ -26,6 +26,10 @@ from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.tries import Try
 from selftouch_drake.quotient.plan import Limits
 
+# Where own parts ran into each other on an imagined plan, they stay so much farther apart on the
+# next one, up to the second number, in distances of kernels.
+_APART, _MOST_APART = 0.15, 0.45
+
 #: Most rounds of practice: a plan round steps without another way may have other doubtful steps.
 _MOST_ROUNDS = 8
 
@@ -62,11 +66,12 @@ def practise(
     """Plans, and practises the plan.
 
     A plan that was imagined is followed once, to check it; where it would lose contact, the agent
-    presses more. What that does not mend is planned over the paper's representation, and repaired:
-    where such a plan would lose contact, the agent slides; in the air it takes detours; joints that
-    are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
-    other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
-    are as in `Agent.plan`.
+    presses more, and where own parts would run into each other, it keeps them farther apart. What
+    that does not mend is planned over the paper's representation, and repaired: where such a plan
+    would lose contact, the agent slides; in the air it takes detours; joints that are in the way
+    move aside. Then it plans again. If rigid parts of the robot still run into each other, the
+    agent lifts off, lands at each goal, and practises that. Targets, start and limits are as in
+    `Agent.plan`.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.
@@ -122,17 +127,22 @@ def remembering(one: Try, agent: Agent, slider: Slider) -> Agent:
 def _checked(
     plan_again: Callable[..., Plan], agent: Agent, plan: Plan, slider: Slider
 ) -> Practised | None:
-    """An imagined plan after its check; None if it needs more than to press more."""
-    unpractised = plan
+    """An imagined plan after its check; None if it needs more than to press, or to stay apart."""
+    unpractised, apart = plan, 0.0
     while True:
         last_run = dry_run(plan, slider)
         if not len(last_run.doubtful) and not misses(plan, last_run, agent.representation):
             return Practised(agent=agent, unpractised=unpractised, plan=plan, dry_run=last_run)
-        more = agent.memory.pressing()
-        if len(last_run.impossible) or more.same_as(agent.memory):
-            return None
-        agent = agent.recalling(more)
-        plan = plan_again(agent)
+        if len(last_run.impossible):
+            apart += _APART
+            if apart > _MOST_APART or not plan.is_imagined:
+                return None
+        else:
+            more = agent.memory.pressing()
+            if more.same_as(agent.memory):
+                return None
+            agent = agent.recalling(more)
+        plan = plan_again(agent, apart=apart)
 
 
 def _repaired(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hand_made_chains import an_arm, touches
 
-from selftouch_drake.agent.body_model import grow
+from selftouch_drake.agent.body_model import forest, grow
 from selftouch_drake.agent.body_model.fit import Bodies, chain_way
 from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import Search, order_of
@@ -71,3 +71,23 @@ def test_a_blunter_chain_does_not_replace_a_sharper_one(monkeypatch):
     bent = chain(WRONG, twists, point, -9.0)
     monkeypatch.setattr(grow, "found_chains", lambda *args: [bent])
     assert not grower.look_again(0)
+
+
+def test_a_hand_that_came_later_than_a_part_touches_it_if_that_explains_more():
+    arms = [an_arm(seed=seed, joints=4) for seed in (1, 2)]
+    made = [touches(*arm, number=1500, kernels=KERNELS, seed=7) for arm in arms]
+    idle = np.random.default_rng(3).uniform(-1.5, 1.5, (1500, 4))
+    # Each kernel is touched by one hand alone: half of them are enough to hang the part.
+    q = np.concatenate([np.column_stack([made[0][0], idle]), np.column_stack([idle, made[1][0]])])
+    target = np.concatenate([made[0][1], KERNELS + made[1][1]])
+    scene = Scene(q, target, np.zeros(2 * KERNELS, dtype=int), {})
+    links = forest.Links.of_chain(chain_way([0, 1, 2, 3]), 0)
+    links, end = links.extended(0, [4, 5, 6, 7], forwards=True)
+    links = replace(links, toucher={**links.toucher, 1: end})
+    twists, points = np.concatenate([arm[0] for arm in arms]), np.array([arm[1] for arm in arms])
+    body = forest.Body(links, twists, points, ((0, 0),))
+    random = np.random.default_rng(0)
+    assert forest.with_late_touchers(scene, body, random).pairs == ((0, 0), (0, 1))
+    # A hand that explains nothing is left out.
+    elsewhere = replace(body, twists=np.concatenate([twists[:4], an_arm(seed=5, joints=4)[0]]))
+    assert forest.with_late_touchers(scene, elsewhere, random) is elsewhere
