@@ -20,7 +20,6 @@ the network that bends steps: what it is worth where no body model is accepted.
 """
 
 import argparse
-import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -81,8 +80,6 @@ def learned(name: str, seed: int, folder: Path, changes: str) -> Path:
     return path
 
 
-_PRACTICE = sys.modules[NoWayError.__module__]
-
 #: What each way plans with: whether the body model counts, whether plans are practised, and what is
 #: taken away.
 WAYS: dict[str, tuple[bool, bool, dict[tuple[object, str], object]]] = {
@@ -92,11 +89,6 @@ WAYS: dict[str, tuple[bool, bool, dict[tuple[object, str], object]]] = {
     "practised": (False, True, {}),
     "no_slides": (False, True, {(Slider, "slide"): lambda *_: None}),
     "no_detours": (False, True, {(Slider, "detour"): lambda *_: None}),
-    "no_aside": (
-        False,
-        True,
-        {(_PRACTICE, "out_of_the_way"): lambda *_: None},
-    ),
     "no_costs": (False, True, {(RehearsalMemory, "avoiding"): lambda memory, _: memory}),
     "no_missed": (False, True, {(RehearsalMemory, "missing"): lambda memory, _: memory}),
     "no_bends": (False, True, {}),

@@ -157,7 +157,7 @@ class Agent:
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
         The first target is None if nothing is felt at `q_start`. Arguments and errors are as in
-        `Planner.plan`: options are `aside`, `lift_off` and `limits`. Without the first two the plan
+        `Planner.plan`: options are `lift_off` and `limits`. Without the first one the plan
         is imagined, where the body model knows a way; own parts then stay so much farther `apart`
         than in past postures, in distances of kernels.
         """
@@ -166,7 +166,7 @@ class Agent:
                 raise ValueError("q_start is missing: give joint positions if nothing is felt")
             first = self.representation.checked_target(targets[0])
             q_start = most_typical(self.representation, first)
-        if self.imagination is not None and not {"aside", "lift_off"} & options.keys():
+        if self.imagination is not None and "lift_off" not in options:
             limits = options.get("limits")
             checked = self.planner.checked(q_start, targets, limits)
             imagined = self.imagination.plan(

@@ -99,7 +99,6 @@ class Planner:
         targets: Sequence[int | None],
         *,
         memory: RehearsalMemory | None = None,
-        aside: np.ndarray | None = None,
         lift_off: bool = False,
         limits: Limits | None = None,
     ) -> Plan:
@@ -118,8 +117,6 @@ class Planner:
             memory: links that cost more, slides between touches, where all other steps are
                 straight, and rows of `kernel_q` at which to end and to land no more, if there are
                 others; by default nothing was rehearsed.
-            aside: `(J,)` scaled; at the start, the joints that do not matter move there, out of the
-                way.
             lift_off: move to each goal through the air, even if links lead there.
             limits: the path starts and stays within them. By default the path stays within the
                 range of experience, unless the start or a slide lies outside.
@@ -133,11 +130,6 @@ class Planner:
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
         way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode))
-        if aside is not None and mode != NO_MODE:
-            joints = self._joints(mode)
-            out_of_the_way = aside.copy()
-            out_of_the_way[joints] = x[joints]
-            way.move(way.nodes[0], out_of_the_way, joints, in_air=False)
         for goal in goals:
             # Where the previous leg ends decides the route of this one.
             if here == goal:

@@ -1,4 +1,4 @@
-"""Other ways for the doubtful steps of a plan: slides, detours, joints that move aside (naive)."""
+"""Other ways for the doubtful steps of a plan: slides, and detours in the air (naive)."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.practice.sliding import Slider, straight
+from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: Number of remembered configurations that a detour through the air may pass: first those that
@@ -15,9 +15,6 @@ _NUM_SHORT, _NUM_ANY = 60, 300
 
 #: Most configurations, evenly taken from all, among which a detour looks for those.
 _NUM_FOR_DETOURS = 2000
-
-#: Number of remembered configurations to try as a place to move aside.
-_NUM_ASIDE = 24
 
 
 def other_ways(
@@ -59,39 +56,6 @@ def links_of(plan: Plan, doubtful: list[int] | np.ndarray) -> np.ndarray:
     """The links of some steps of a plan, unique and sorted; steps in the air have none."""
     links = plan.links[doubtful]
     return np.unique(links[links >= 0]).astype(int)
-
-
-def out_of_the_way(
-    plan: Plan, representation: QuotientRepresentation, slider: Slider
-) -> np.ndarray | None:
-    """Where to move joints that a plan does not use, so that they obstruct it less.
-
-    The plan has configurations that the robot cannot take, as the slider knows. Returns a scaled
-    configuration `(J,)` with new positions of these joints; None if none is better.
-    """
-    x = representation.scaled(plan.waypoints_q)
-    unused = x.max(axis=0) == x.min(axis=0)
-    if plan.in_air.any() or not unused.any():
-        return None
-    best, most_reached = None, int(slider.feel(x).reached.sum())
-    if most_reached == len(x):
-        return None
-    for row in _rows_along(plan, representation):
-        remembered = representation.scaled(representation.kernel_q[row])
-        moved = np.where(unused, remembered, x)
-        num_reached = int(slider.feel(moved).reached.sum())
-        if num_reached <= most_reached:
-            continue
-        if slider.feel_along(straight(x[0], moved[0])).reached.all():
-            best, most_reached = moved[0], num_reached
-    return best
-
-
-def _rows_along(plan: Plan, representation: QuotientRepresentation) -> np.ndarray:
-    """Rows of some configurations of the kernels of a plan, evenly taken from all of them."""
-    members = [representation.members(kernel) for kernel in np.unique(plan.nodes)]
-    rows = np.concatenate([np.r_[some] for some in members])
-    return rows[:: max(len(rows) // _NUM_ASIDE, 1)]
 
 
 def _slide(

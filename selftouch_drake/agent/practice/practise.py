@@ -21,7 +21,7 @@ from selftouch_drake.agent.practice.dry_run import (
     misses,
     stored_touches,
 )
-from selftouch_drake.agent.practice.other_ways import links_of, other_ways, out_of_the_way
+from selftouch_drake.agent.practice.other_ways import links_of, other_ways
 from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.agent.tries import Try
 from selftouch_drake.quotient.plan import Limits
@@ -68,10 +68,9 @@ def practise(
     A plan that was imagined is followed once, to check it; where it would lose contact, the agent
     presses more, and where own parts would run into each other, it keeps them farther apart. What
     that does not mend is planned over the paper's representation, and repaired: where such a plan
-    would lose contact, the agent slides; in the air it takes detours; joints that are in the way
-    move aside. Then it plans again. If rigid parts of the robot still run into each other, the
-    agent lifts off, lands at each goal, and practises that. Targets, start and limits are as in
-    `Agent.plan`.
+    would lose contact, the agent slides; in the air it takes detours. Then it plans again. If rigid
+    parts of the robot still run into each other, the agent lifts off, lands at each goal, and
+    practises that. Targets, start and limits are as in `Agent.plan`.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.
@@ -152,21 +151,16 @@ def _repaired(
 
     `plan_again` asks an agent for a plan, as `Agent.plan`, with further options.
     """
-    last_run, aside = dry_run(plan, slider), None
+    last_run = dry_run(plan, slider)
     for _ in range(_MOST_ROUNDS):
         missed = missed_touches(plan, last_run, agent.representation)
         if not len(last_run.doubtful) and not missed:
             break
-        if aside is None:
-            aside = out_of_the_way(plan, agent.representation, slider)
-            if aside is not None:
-                plan = plan_again(agent, aside=aside)
-                last_run = dry_run(plan, slider)
         before = agent.memory
         memory, lost = other_ways(plan, last_run.doubtful, slider, before, agent.representation)
         agent = agent.recalling(memory.avoiding(lost).missing(missed))
         if agent.memory.same_as(before):
             break
-        plan = plan_again(agent, aside=aside)
+        plan = plan_again(agent)
         last_run = dry_run(plan, slider)
     return agent, plan, last_run

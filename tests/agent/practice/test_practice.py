@@ -10,7 +10,7 @@ from test_sliding import LIMIT, Finger, deep, feel, touches
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
 from selftouch_drake.agent.practice.dry_run import dry_run, missed_touches
-from selftouch_drake.agent.practice.other_ways import other_ways, out_of_the_way
+from selftouch_drake.agent.practice.other_ways import other_ways
 from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.quotient.smooth import path_length, smooth_path
 
@@ -117,22 +117,6 @@ def test_through_the_air_a_detour_leads_over_what_is_remembered():
     dense = np.concatenate([np.linspace(*ends, 50) for ends in pairwise(way)])
     assert possible(dense).all()
     assert node.tolist() == [1] * len(passed)
-
-
-def test_a_joint_that_stands_in_the_way_moves_aside():
-    a, b = touches(2)
-    a[3] = b[3] = 1.2
-
-    def in_reach(x):
-        """The fourth joint is in the way of the second touch."""
-        return (x[:, 3] < 1.0) | ((x - a) @ (b - a) < 0.5 * (b - a) @ (b - a))
-
-    slider = Slider(Finger(np.ones(4), possible=in_reach), np.ones(4))
-    aside = out_of_the_way(a_plan([a, b]), REPRESENTATION, slider)
-    assert aside[3] < 1.0
-    assert aside[:3].tolist() == a[:3].tolist()
-    in_air = a_plan([a, b], links=[-1], in_air=[True])
-    assert out_of_the_way(in_air, REPRESENTATION, slider) is None
 
 
 def test_a_plan_to_stay_has_no_step_to_doubt():
