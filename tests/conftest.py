@@ -6,6 +6,12 @@ import signal
 import sys
 from pathlib import Path
 
+# Each worker has a core: a second thread of its linear algebra would only take that of the other.
+# The library looks at this once, when it is loaded.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import settings
 

@@ -15,6 +15,7 @@ plans that the model knew a way for.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -25,9 +26,15 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
 from selftouch_drake.evaluation.motion import random_pairs, score_motion
 from selftouch_drake.evaluation.paths import TruePaths
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment.loading import merged, parse_fields
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import run_bodies
+
+sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
+
+from benchmarks.shared.babbled import learned
 
 
 class Row(NamedTuple):
@@ -49,19 +56,12 @@ class Row(NamedTuple):
         return self.contact == 1.0 and self.reached and self.overlap == 0.0
 
 
-def learned(name: str, seed: int, folder: Path, changes: str) -> Path:
-    """The run of an experiment; it is babbled and learned if it is not there."""
+def run_of(name: str, seed: int, folder: Path, changes: str) -> RunDirectory:
+    """The run of an experiment and seed; one that is missing is made, and learns."""
     path = folder / f"{name}-{seed}"
-    if not (path / "body_model.npz").exists():
-        from click.testing import CliRunner
-
-        from selftouch_drake.cli import cli
-
-        runner, out = CliRunner(), str(path)
-        settings = ["--set", f"{{seed: {seed}}}", "--set", changes]
-        runner.invoke(cli, ["babble", name, "--out", out, *settings], catch_exceptions=False)
-        runner.invoke(cli, ["learn", out], catch_exceptions=False)
-    return path
+    if (path / "body_model.npz").exists():
+        return RunDirectory.open(path)
+    return learned(path, load_experiment(name, merged({"seed": seed}, parse_fields(changes))))
 
 
 def planned(agent: Agent, bodies: Bodies, run: RunDirectory, pairs: list[tuple[int, int]]):
@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--runs", type=Path, default=Path("runs/before_practice"))
-    parser.add_argument("--set", default="{}", help="changes of experiments, as of `selftouch run`")
+    parser.add_argument("--set", default="{}", help="changes of experiments, as in `selftouch run`")
     args = parser.parse_args()
     print(
         f"{'':>16} {'way':>8} {'num':>4} {'contact, worst':>15} {'goals':>5} {'overlaps':>11} "
@@ -127,15 +127,14 @@ def main() -> None:
     )
     for name in args.names:
         if Path(name).is_dir():
-            paths = [Path(name)]
+            runs = [RunDirectory.open(Path(name))]
         else:
-            paths = [learned(name, seed, args.runs, args.set) for seed in args.seeds]
-        for path in paths:
-            run = RunDirectory.open(path)
+            runs = [run_of(name, seed, args.runs, args.set) for seed in args.seeds]
+        for run in runs:
             bodies, agent = run_bodies(run), load_agent(run, predicts=True)
             pairs = random_pairs(run.experiment, agent.representation, args.pairs)
             for way, one in (("imagined", agent), ("paper", agent.without_model())):
-                printed(path.name, way, list(planned(one, bodies, run, pairs)))
+                printed(run.path.name, way, list(planned(one, bodies, run, pairs)))
 
 
 if __name__ == "__main__":
