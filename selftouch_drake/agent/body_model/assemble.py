@@ -70,7 +70,7 @@ def normalizing(place: np.ndarray) -> np.ndarray:
     return motion
 
 
-def transformed(motion: np.ndarray, points: np.ndarray) -> np.ndarray:
+def moved_by_similarity(motion: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`(n, 3)` points moved by a similarity."""
     return points @ motion[:3, :3].T + motion[:3, 3]
 
@@ -104,7 +104,7 @@ def assembled(
         part_link[part] = link
     toucher_link = np.array([tree.toucher[u] for u in range(len(solution.points))])
     points = [
-        transformed(carried[int(link)], point[None])[0]
+        moved_by_similarity(carried[int(link)], point[None])[0]
         for link, point in zip(toucher_link, solution.points, strict=True)
     ]
     shapes = np.zeros((len(points), 5))
@@ -115,7 +115,7 @@ def assembled(
     outward = outward_normals(scene, solution)
     for part, link in tree.part.items():
         here = scene.part == part
-        place[here] = transformed(carried[link], solution.place[here])
+        place[here] = moved_by_similarity(carried[link], solution.place[here])
         normal[here] = directions(carried[link], outward[here])
     toucher = np.full(num_rows, -1, dtype=np.int8)
     nearest = nearest_toucher(
@@ -193,7 +193,7 @@ def dimension(scene: Scene, solution: Solution) -> int:
 
 
 def _covariance(found: Found, motion: np.ndarray) -> np.ndarray:
-    """`(6 J + 3 U, 6 J + 3 U)` as of `BodyModel`.
+    """`(6 J + 3 U, 6 J + 3 U)` as in `BodyModel`.
 
     The fit leaves the unit of length open, and the model takes it from the places of kernels: so
     what makes these places grow makes lengths shrink.
@@ -227,7 +227,7 @@ def _parameters(found: Found, solution: Solution, motion: np.ndarray) -> np.ndar
     """`(6 J + 3 U,)` twists for raw readings, and the touchers' places in the frames of links."""
     twists, carried = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
     points = [
-        transformed(carried[found.tree.toucher[number]], point[None])[0]
+        moved_by_similarity(carried[found.tree.toucher[number]], point[None])[0]
         for number, point in enumerate(solution.points)
     ]
     return np.concatenate([twists.ravel(), np.ravel(points)])
@@ -289,7 +289,7 @@ def _receptors(
     part[~has] = -1
     for number_of_part, link in found.tree.part.items():
         here = part == number_of_part
-        place[here] = transformed(carried[link], place[here])
+        place[here] = moved_by_similarity(carried[link], place[here])
         kernels = np.flatnonzero((scene.part == number_of_part) & np.isfinite(normal).all(axis=1))
         if len(kernels) and here.any():
             apart = np.linalg.norm(place[here][:, None] - kernel_place[kernels][None], axis=2)

@@ -246,10 +246,10 @@ def push(meetings, poses, twists, carries, over, kept, slope, square):
     Args:
         meetings: of M meetings.
         poses: `(n, L, 4, 4)` of the links.
-        twists: `(J, 6)` of the joints, as of `BodyModel`.
+        twists: `(J, 6)` of the joints, as in `BodyModel`.
         carries: `(L, J)` bool, whether each joint carries each link.
         over: `(M, n)` what is missing, in units of depth; 0 where nothing is.
-        kept: as of `exceed`.
+        kept: as in `exceed`.
         slope: `(n, J)` half of the derivatives of the sums of squares by the readings.
         square: `(n, J, J)` products of the derivatives of what is missing.
     """

@@ -57,7 +57,7 @@ def within_a_turn(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
     Args:
         q: `(n, J)`.
-        turn: `(J,)` as of `turning`.
+        turn: `(J,)` as in `turning`.
     """
     if not (turn > 0).any():
         return q
