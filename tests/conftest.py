@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.experiment.schema import Imperfections, ReadingSettings
@@ -20,6 +21,12 @@ from selftouch_drake.run.directory import RunDirectory
 sys.path.insert(0, str(Path(__file__).parent))
 
 from made_once import made_once
+
+# Each worker has a core: a second thread of its linear algebra would only take that of the other.
+# Libraries that are loaded already are told; others, and programs that tests start, look it up.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    threadpool_limits(int(os.environ["OMP_NUM_THREADS"]))
 
 # Some share with `benchmarks`: the imitation of a real skin is the one there.
 sys.path.append(str(Path(__file__).parents[1]))

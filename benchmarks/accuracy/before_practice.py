@@ -20,6 +20,7 @@ the network that bends steps: what it is worth where no body model is accepted.
 """
 
 import argparse
+import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -35,9 +36,15 @@ from selftouch_drake.agent.practice.sliding import Slider
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
 from selftouch_drake.evaluation.motion import random_pairs, score_motion
 from selftouch_drake.evaluation.paths import TruePaths
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment.loading import merged, parse_fields
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import run_bodies
+
+sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
+
+from benchmarks.shared.babbled import learned
 
 
 class Row(NamedTuple):
@@ -65,19 +72,12 @@ Pairs = list[tuple[int, int]]
 NO_WAY = Row(0.0, False, 0.0, np.nan, 0.0, np.nan, np.nan, False, False)
 
 
-def learned(name: str, seed: int, folder: Path, changes: str) -> Path:
-    """The run of an experiment; it is babbled and learned if it is not there."""
+def run_of(name: str, seed: int, folder: Path, changes: str) -> RunDirectory:
+    """The run of an experiment and seed; one that is missing is made, and learns."""
     path = folder / f"{name}-{seed}"
-    if not (path / "body_model.npz").exists():
-        from click.testing import CliRunner
-
-        from selftouch_drake.cli import cli
-
-        runner, out = CliRunner(), str(path)
-        settings = ["--set", f"{{seed: {seed}}}", "--set", changes]
-        runner.invoke(cli, ["babble", name, "--out", out, *settings], catch_exceptions=False)
-        runner.invoke(cli, ["learn", out], catch_exceptions=False)
-    return path
+    if (path / "body_model.npz").exists():
+        return RunDirectory.open(path)
+    return learned(path, load_experiment(name, merged({"seed": seed}, parse_fields(changes))))
 
 
 #: What each way plans with: whether the body model counts, whether plans are practised, and what is
@@ -172,7 +172,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=["imagined", "paper"])
     parser.add_argument("--runs", type=Path, default=Path("runs/before_practice"))
-    parser.add_argument("--set", default="{}", help="changes of experiments, as of `selftouch run`")
+    parser.add_argument("--set", default="{}", help="changes of experiments, as in `selftouch run`")
     args = parser.parse_args()
     print(
         f"{'':>16} {'way':>10} {'num':>4} {'contact, worst':>15} {'goals':>5} {'overlaps':>11} "
@@ -181,15 +181,14 @@ def main() -> None:
     )
     for name in args.names:
         if Path(name).is_dir():
-            paths = [Path(name)]
+            runs = [RunDirectory.open(Path(name))]
         else:
-            paths = [learned(name, seed, args.runs, args.set) for seed in args.seeds]
-        for path in paths:
-            run = RunDirectory.open(path)
+            runs = [run_of(name, seed, args.runs, args.set) for seed in args.seeds]
+        for run in runs:
             bodies, agent = run_bodies(run), load_agent(run, predicts=True)
             pairs = random_pairs(run.experiment, agent.representation, args.pairs)
             for way in args.ways:
-                printed(path.name, way, list(planned_in(way, agent, bodies, run, pairs)))
+                printed(run.path.name, way, list(planned_in(way, agent, bodies, run, pairs)))
 
 
 if __name__ == "__main__":

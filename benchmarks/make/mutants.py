@@ -118,8 +118,8 @@ MUTANTS = (
     Mutant(
         name="neighbours: sensations do not count",
         file="quotient/graph.py",
-        old="near = set_distance * np.sqrt(cdist(targets, targets))",
-        new="near = set_distance.copy()",
+        old="distance = set_distance * np.sqrt(cdist(targets, targets))",
+        new="distance = set_distance.copy()",
         first=("tests/quotient/test_graph.py",),
     ),
     Mutant(
@@ -131,10 +131,10 @@ MUTANTS = (
     ),
     Mutant(
         name="parts: the second part joins the first",
-        file="quotient/graph.py",
-        old="near[apart] = np.inf",
-        new="near[np.tril(apart, -2)] = np.inf",
-        first=("tests/quotient/test_graph.py",),
+        file="agent/representation/learning.py",
+        old="combined[part[:, None] != part] = np.inf",
+        new="combined[np.tril(part[:, None] != part, -2)] = np.inf",
+        first=("tests/agent/representation/test_learner.py",),
     ),
     Mutant(
         name="rims: half the threshold",

@@ -20,9 +20,9 @@ def babbled(path: Path, experiment: Experiment) -> RunDirectory:
 
 
 def learned(path: Path, experiment: Experiment) -> RunDirectory:
-    """As `babbled`, and it has learned."""
+    """As `babbled`, and it has learned, the body model too."""
     run = babbled(path, experiment)
-    if not stages.has_learned(run):
+    if not (stages.has_learned(run) and stages.has_modelled(run)):
         stages.learn(run)
     return run
 

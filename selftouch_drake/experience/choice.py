@@ -35,7 +35,7 @@ class Wanted:
     """Which columns and rows of each file a recording is made of, as the user says.
 
     Attributes:
-        q: as of `read_recording`; None for the usual names.
+        q: as in `read_recording`; None for the usual names.
         sensation: likewise.
         time: likewise; "none" for no time.
         time_unit: s, ms, us or ns; None for what name or numbers say.

@@ -35,7 +35,7 @@ def times_of(
         contents: of the file.
         source: the file, as errors call it.
         asked: the column that the user names, which must exist; None for one with a usual name.
-        unit: as of `read_recording`.
+        unit: as in `read_recording`.
         joints: `(n, J)` motor configurations of the same rows, if there are any.
 
     Raises:

@@ -169,7 +169,7 @@ def explore(
 ) -> WalkCounts:
     """Collects the missing experience of an active run, in this process: rounds follow each other.
 
-    The exploration is at its beginning; all else is as of `collect`, with rounds for walks.
+    The exploration is at its beginning; all else is as in `collect`, with rounds for walks.
     """
     experiment = exploration.experiment
     counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)

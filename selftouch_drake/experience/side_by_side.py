@@ -35,7 +35,7 @@ def belonging_together(
 
     Args:
         files: in order.
-        held: as of `columns_for`, of each.
+        held: as in `columns_for`, of each.
         folder: that holds them.
 
     Returns:

@@ -19,7 +19,7 @@ def joint_rows(
     Reading q of the robot is `scale * q + offset` in the file, rad or its unit of length; `lower`
     and `upper` are limits there, and `sigma` is the standard error of `scale`.
 
-    Arguments are as of `link_tree`.
+    Arguments are as in `link_tree`.
     """
     scales = joint_scales(model, slides)
     rows: list[tuple[str, ...]] = []
@@ -48,7 +48,7 @@ def receptor_rows(
     """A row for each receptor in reading order, under `RECEPTOR_COLUMNS`.
 
     Places and normals are in the frame of the link `part_K`; nothing where a receptor was never met
-    or its part is not among `parts`. `depth` is as of `part_surface`.
+    or its part is not among `parts`. `depth` is as in `part_surface`.
     """
     rows: list[tuple[str, ...]] = []
     for number, name in enumerate(names):

@@ -9,7 +9,7 @@ They differ in how they reduce it to a number.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
@@ -72,7 +72,7 @@ SET_DISTANCES = {
 
 def set_distances(
     sets: KernelSets,
-    name: str = "quantile",
+    name: Literal["minimum", "quantile"] = "quantile",
     *,
     max_queries: int = MAX_QUERIES,
     rough: np.ndarray | None = None,

@@ -8,9 +8,9 @@ in motor space and in sensation.
 """
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse.csgraph import minimum_spanning_tree
@@ -60,31 +60,23 @@ class QuotientGraph:
         return self.edges[self.component[i] != self.component[j]]
 
 
-def quotient_graph(
-    sets: KernelSets,
-    strength: np.ndarray,
-    set_distance: np.ndarray,
-    targets: np.ndarray,
-    apart: np.ndarray | None = None,
-) -> QuotientGraph:
+def quotient_graph(sets: KernelSets, strength: np.ndarray, distance: np.ndarray) -> QuotientGraph:
     """Joins kernels that are neighbours on the body.
 
     Args:
-        sets: the kernel sets, scaled, mu.
+        sets: the K kernel sets, scaled, mu.
         strength: `(R,)` N, of the sensation at each configuration.
-        set_distance: `(K, K)` mu, distances between the sets.
-        targets: `(K, S)` target sensations, unit L2 norm.
-        apart: `(K, K)` bool, pairs of kernels that nothing may join; there are none by default.
+        distance: `(K, K)` as from `combined_distance`; infinite between what nothing may join.
 
     Warns:
         DisconnectedWarning: as in `connected_edges`.
     """
-    neighbours, near = surface_neighbours(set_distance, targets, apart)
-    edges = connected_edges(neighbours, near)
+    neighbours = neighbour_edges(distance)
+    edges = connected_edges(neighbours, distance)
     return QuotientGraph(
         edges=edges,
         cost=_nearest_distance(sets.stronger_half(strength), edges),
-        component=component_labels(neighbours, len(targets)),
+        component=component_labels(neighbours, len(sets)),
     )
 
 
@@ -96,26 +88,19 @@ def _nearest_distance(sets: KernelSets, edges: np.ndarray) -> np.ndarray:
     return ((there / sets.sizes[i] + back / sets.sizes[j]) / 2).astype(np.float32)
 
 
-def surface_neighbours(
-    set_distance: np.ndarray, targets: np.ndarray, apart: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Finds the kernels that are neighbours on the body, and a combined distance between kernels.
+def combined_distance(set_distance: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """`(K, K)` distances between kernels by motor configurations and by sensations.
 
-    This is the set distance times the root of the distance between target sensations. Two motor
-    configurations can be close although they touch distant places: such pairs feel different. With
-    the sensations, no edge left the surface in three bodies (without, 17 of 5000 on the torus).
-    Kernels with nothing in common come last: the more joints, the less informative is their set
-    distance.
-
-    Arguments are as in `quotient_graph`. Returns `(E, 2)` pairs i < j, sorted, and `(K, K)` the
-    combined distance, infinite where kernels are apart.
+    The `(K, K)` set distance, mu, times the root of the distance between the `(K, S)` target
+    sensations. Two motor configurations can be close although they touch distant places: such pairs
+    feel different. With the sensations, no edge left the surface in three bodies (without, 17 of
+    5000 on the torus). Kernels with nothing in common come last: the more joints, the less
+    informative is their set distance.
     """
-    near = set_distance * np.sqrt(cdist(targets, targets))
+    distance = set_distance * np.sqrt(cdist(targets, targets))
     # Ranked behind all others, in order: they connect the graph only if nothing else does.
-    near += np.where(unlike(targets), near.max(), 0.0)
-    if apart is not None:
-        near[apart] = np.inf
-    return neighbour_edges(near), near
+    distance += np.where(unlike(targets), distance.max(), 0.0)
+    return distance
 
 
 def neighbour_edges(
@@ -177,18 +162,13 @@ def _first_five(items: Iterable[object]) -> str:
     return ", ".join(texts)
 
 
-def to_networkx(
-    representation: Representation,
-    *,
-    complete: bool = False,
-    nodes: Mapping[str, Sequence[Any]] | None = None,
-) -> "nx.Graph":
+def to_networkx(representation: Representation, *, complete: bool = False) -> "nx.Graph":
     """The quotient graph as a networkx graph.
 
     Nodes are kernels with attributes `size` (stored configurations) and `target_sensation` (`(S,)`
-    unit L2 norm), and those of `nodes`: by name, one value for each kernel. Every edge has
-    `set_distance` (mu); edges between neighbours also have `cost` (mu, as `edge_cost` of the
-    representation). A complete graph joins every two kernels, as in the paper.
+    unit L2 norm). Every edge has `set_distance` (mu); edges between neighbours also have `cost`
+    (mu, as `edge_cost` of the representation). A complete graph joins every two kernels, as in the
+    paper.
     """
     import networkx as nx  # not needed to plan
 
@@ -197,8 +177,7 @@ def to_networkx(
     for kernel, (size, target) in enumerate(
         zip(sizes, representation.target_sensations, strict=True)
     ):
-        more = {name: values[kernel] for name, values in (nodes or {}).items()}
-        graph.add_node(kernel, size=size, target_sensation=target, **more)
+        graph.add_node(kernel, size=size, target_sensation=target)
     edges = representation.edges
     if complete:
         edges = np.stack(np.triu_indices(representation.num_targets, 1), axis=1)

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from .checks import checked_experience, require_rows
 from .distances import set_distances
-from .graph import quotient_graph
+from .graph import combined_distance, quotient_graph
 from .kernels import KernelSets, sample_rows
 from .representation import Representation
 from .scale import joint_scale
@@ -93,7 +93,7 @@ def _learned(q: np.ndarray, sensation: np.ndarray, sizes: Sizes) -> Representati
     kernel_strength = strength(sensation[row]).astype(np.float32)
 
     distance = set_distances(sets, rough=unlike(targets))
-    graph = quotient_graph(sets, kernel_strength, distance, targets)
+    graph = quotient_graph(sets, kernel_strength, combined_distance(distance, targets))
     return Representation(
         target_sensations=targets,
         kernel_offsets=sets.offsets,

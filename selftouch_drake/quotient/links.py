@@ -28,18 +28,13 @@ _LEAP_SPACINGS = 1.25
 _LEAP_POWER = 16.0
 
 
-def step_links(
-    targets: np.ndarray, edges: np.ndarray, apart: np.ndarray | None = None
-) -> np.ndarray:
+def step_links(targets: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """`(L, 2)` the kernels between which plans may step, each pair once, in order.
 
-    Targets are `(K, S)`, of unit L2 norm; `(E, 2)` edges are those of the quotient graph. Nothing
-    else links pairs that are apart, `(K, K)` bool, if given.
+    Targets are `(K, S)`, of unit L2 norm; `(E, 2)` edges are those of the quotient graph.
     """
     distance, spacing = target_distances(targets)
     linked = distance <= min(LINK_SPACINGS * spacing, _MOST_APART)
-    if apart is not None:
-        linked &= ~apart
     i, j = edges.T
     linked[i, j] = True
     return np.argwhere(np.triu(linked | linked.T, 1))

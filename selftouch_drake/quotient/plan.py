@@ -73,7 +73,7 @@ class PlanningGraph:
         x = representation.scaled(representation.kernel_q[firm_row]).astype(np.float32)
         firm = KernelSets(x, np.cumsum([0, *map(len, rows)]))
         length = link_lengths(targets, links)
-        graph = RouteGraph.of(firm, firm_row, links)
+        graph = RouteGraph.of(firm, links)
         return cls(graph=graph, penalty=leap_penalty(length), length=length)
 
 

@@ -14,7 +14,6 @@ from numba import njit
 
 from .distances import Nearest, linked_nearest, square_step
 from .kernels import KernelSets
-from .paths import component_labels
 
 # A step of the joints costs this power of its squared length, in typical steps. Contact is lost on
 # the longest tenth of the steps: a route avoids these alone, to keep its path on the body short. A
@@ -34,9 +33,7 @@ class RouteGraph:
 
     Attributes:
         firm: F firm configurations of K kernels, scaled, float32 mu; a kernel may have none.
-        firm_row: `(F,)` the rows in which they are stored.
         firm_kernel: `(F,)` the kernel of each.
-        component: `(K,)` links join kernels of one component; -1 without firm configurations.
         way_offsets: `(K + 1,)` ways `way_offsets[k]:way_offsets[k + 1]` leave kernel k. A way is
             a link in one direction.
         way_kernel: `(2L,)` the kernel that each way leads to.
@@ -47,9 +44,7 @@ class RouteGraph:
     """
 
     firm: KernelSets
-    firm_row: np.ndarray
     firm_kernel: np.ndarray
-    component: np.ndarray
     way_offsets: np.ndarray
     way_kernel: np.ndarray
     way_link: np.ndarray
@@ -57,11 +52,10 @@ class RouteGraph:
     typical_step: float
 
     @classmethod
-    def of(cls, firm: KernelSets, firm_row: np.ndarray, links: np.ndarray) -> "RouteGraph":
+    def of(cls, firm: KernelSets, links: np.ndarray) -> "RouteGraph":
         """Arranges firm configurations and the `(L, 2)` links for search."""
         num_kernels, sizes = len(firm), firm.sizes
         usable = np.flatnonzero((sizes[links] > 0).all(axis=1))
-        component = component_labels(links[usable], num_kernels)
         tail, head = np.concatenate([links[usable], links[usable, ::-1]]).T
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
@@ -69,9 +63,7 @@ class RouteGraph:
         typical = float(np.sqrt(np.median(steps.squared))) if len(steps.squared) else 0.0
         return cls(
             firm=firm,
-            firm_row=firm_row,
             firm_kernel=firm.kernel,
-            component=np.where(sizes > 0, component, -1),
             way_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             way_kernel=np.ascontiguousarray(ways[:, 1]),
             way_link=np.tile(usable, 2)[order],
@@ -82,10 +74,6 @@ class RouteGraph:
     def step_price(self, penalty: np.ndarray) -> np.ndarray:
         """`(L,)` what a squared step costs along each link, by `(L,)` penalties, 1 or more."""
         return penalty / self.typical_step ** (2 * POWER)
-
-    def joins(self, start: int, goal: int) -> bool:
-        """Whether links lead from one kernel to the other."""
-        return bool(self.component[start] == self.component[goal] >= 0)
 
 
 class Query(NamedTuple):

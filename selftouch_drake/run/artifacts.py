@@ -94,15 +94,19 @@ def load_representation(run: RunDirectory) -> EmbeddedRepresentation:
     arrays = load_arrays(file)
     with _read_as("a representation", file, remedy):
         representation = EmbeddedRepresentation.from_arrays(arrays)
-    found = representation.target_sensations.shape
+    _require_sizes(run, file, representation.target_sensations.shape, remedy)
+    run.require_stamp(file, arrays)
+    return representation
+
+
+def _require_sizes(run: RunDirectory, file: Path, found: tuple[int, ...], remedy: str) -> None:
+    """Rejects a file with other numbers of targets and receptors than the experiment's."""
     wanted = (run.experiment.representation.num_targets, run.num_receptors)
     if found != wanted:
         raise RunError(
             f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
             f"over {wanted[1]}; {remedy}"
         )
-    run.require_stamp(file, arrays)
-    return representation
 
 
 def save_learned(
@@ -165,13 +169,7 @@ def load_body_model(run: RunDirectory) -> BodyModel:
                 f"{file} was made by another version of this program; {remedy}"
             ) from None
     run.require_stamp(file, arrays, stamp=run.model_stamp())
-    found = len(model.kernel_part), len(model.receptor_part)
-    wanted = (run.experiment.representation.num_targets, run.num_receptors)
-    if found != wanted:
-        raise RunError(
-            f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
-            f"over {wanted[1]}; {remedy}"
-        )
+    _require_sizes(run, file, (len(model.kernel_part), len(model.receptor_part)), remedy)
     return model
 
 

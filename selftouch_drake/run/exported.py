@@ -89,7 +89,7 @@ class Exported:
         surfaces: of parts that have one.
         receptor_names: `(S,)`.
         unit: of the files.
-        depth: as of `Known`; None if nobody knows it.
+        depth: as in `Known`; None if nobody knows it.
         comments: what a reader of the files should know.
     """
 
@@ -124,7 +124,7 @@ class Exported:
         return np.where(own[:, None], self.model.receptor_place, np.nan)
 
     def tree(self, name: str, meshes: Mapping[str, tuple[str, np.ndarray]]) -> LinkTree:
-        """Links and joints; arguments are as of `link_tree`."""
+        """Links and joints; arguments are as in `link_tree`."""
         return link_tree(
             self.model,
             self.slides,
@@ -221,7 +221,7 @@ def export_model(
 
     Raises:
         RunError: there is no body model.
-        ValueError: a suffix is unknown, or as of `exported_model`; then nothing is written.
+        ValueError: a suffix is unknown, or as in `exported_model`; then nothing is written.
     """
     for file in files:
         if file.suffix not in WRITERS:
@@ -286,7 +286,7 @@ def _unit(
     depth: float = 0.0,
     touches: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Unit:
-    """The unit that a known length gives; `depth` and `touches` are as of `unit_from_receptors`."""
+    """The unit that a known length gives; `depth` and `touches` are as in `unit_from_receptors`."""
     if known.length is not None and known.distance is not None:
         raise ValueError("--length and --distance are both given; one known length is enough")
     if known.length is not None:

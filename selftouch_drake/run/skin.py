@@ -88,7 +88,7 @@ class Taxels:
     """A file of places, and which receptors it has.
 
     Attributes:
-        file: as of `read_receptors`.
+        file: as in `read_receptors`.
         receptors: the first and the last of its receptors; None for all.
     """
 
@@ -135,7 +135,7 @@ def check_skins(run: RunDirectory, most: int, taxels: Taxels | None = None) -> l
 def compare_runs(
     first: RunDirectory, second: RunDirectory, most: int, taxels: Taxels | None = None
 ) -> list[ComparedSkin]:
-    """Compares the skins of two runs of one robot; arguments and errors are as of `check_skins`.
+    """Compares the skins of two runs of one robot; arguments and errors are as in `check_skins`.
 
     Raises:
         RunError: the runs have other receptors, or other joints.

@@ -55,7 +55,7 @@ class Lesson:
 
     Attributes:
         folder: of its files.
-        how: how its readings are read, as of `read_data`.
+        how: how its readings are read, as in `read_data`.
         most: touches after which it ends, whatever is known.
         fewest: touches before which it does not end, whatever is known.
         limits: `(2, J)` of the joints, if somebody knows.
@@ -190,7 +190,7 @@ def teach_and_learn(
 ) -> tuple[Look | None, RunDirectory | None]:
     """Teaches, makes a run, and goes on if its body is rejected, as that of too few touches may be.
 
-    Arguments and errors are as of `teach` and `take_home`.
+    Arguments and errors are as in `teach` and `take_home`.
 
     Returns:
         The last look, if there was a touch; the run, if a body was accepted.

@@ -1,12 +1,12 @@
 """The recovered body laid on its skins, to compare them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from selftouch_drake.agent.shape.alignment import align
-from selftouch_drake.agent.shape.recovery import RecoveredBody
+from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
 from selftouch_drake.agent.shape.surface import fitted_surface
 from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.lazy import trimesh
@@ -70,27 +70,11 @@ def laid_on_skins(
     poses = home[truth.skin]
     true = np.einsum("nij,nj->ni", poses[:, :, :3], truth.positions) + poses[:, :, 3]
     for number, part in enumerate(body.parts):
-        if part.topology is None:
-            continue
-        is_line = part.skin_dimension == 1
-        faces = fitted_surface(part.places, part.topology, part.skin_dimension)
-        if not len(faces):
-            continue
         places = align(part.positions, true[part.kernels], part.places)
-        closed = is_line or bool(part.topology.betti[2])
-        if is_line:
-            places, faces = _tube(places, faces)
-        parts.append(
-            RecoveredSkin(
-                part=number,
-                skins=skins_of(part.kernels, truth),
-                places=places,
-                num_kernels=len(part.kernels),
-                faces=_outward(places, faces, None if closed else at_home),
-                closed=closed,
-                is_line=is_line,
-            )
-        )
+        drawn = _drawn(number, part, places)
+        if drawn is not None:
+            faces = _outward(drawn.places, drawn.faces, None if drawn.closed else at_home)
+            parts.append(replace(drawn, skins=skins_of(part.kernels, truth), faces=faces))
     return tuple(parts)
 
 
@@ -101,33 +85,39 @@ def laid_out(body: RecoveredBody) -> tuple[RecoveredSkin, ...]:
     """
     parts: list[RecoveredSkin] = []
     for number, part in enumerate(body.parts):
-        if part.topology is None or part.space_dimension > 3:
-            continue
-        is_line = part.skin_dimension == 1
-        faces = fitted_surface(part.places, part.topology, part.skin_dimension)
-        if not len(faces):
+        if part.space_dimension > 3:
             continue
         places = np.pad(part.places, ((0, 0), (0, 3 - part.places.shape[1])))
         low, high = places.min(axis=0), places.max(axis=0)
         places = (places - (low + high) / 2) / (high - low).max()
         places += [_BESIDE * len(parts), 0.0, 0.0]
-        closed = is_line or bool(part.topology.betti[2])
-        if is_line:
-            places, faces = _tube(places, faces)
-        if closed:
-            faces = _outward(places, faces, None)
-        parts.append(
-            RecoveredSkin(
-                part=number,
-                skins=(),
-                places=places,
-                num_kernels=len(part.kernels),
-                faces=faces,
-                closed=closed,
-                is_line=is_line,
-            )
-        )
+        drawn = _drawn(number, part, places)
+        if drawn is not None:
+            if drawn.closed:
+                drawn = replace(drawn, faces=_outward(drawn.places, drawn.faces, None))
+            parts.append(drawn)
     return tuple(parts)
+
+
+def _drawn(number: int, part: RecoveredPart, places: np.ndarray) -> RecoveredSkin | None:
+    """A part with its kernels at `(n, 3)` places, on no skin; None if nothing goes through them."""
+    if part.topology is None:
+        return None
+    is_line = part.skin_dimension == 1
+    faces = fitted_surface(part.places, part.topology, part.skin_dimension)
+    if not len(faces):
+        return None
+    if is_line:
+        places, faces = _tube(places, faces)
+    return RecoveredSkin(
+        part=number,
+        skins=(),
+        places=places,
+        num_kernels=len(part.kernels),
+        faces=faces,
+        closed=is_line or bool(part.topology.betti[2]),
+        is_line=is_line,
+    )
 
 
 def _tube(places: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,8 @@ from selftouch_drake.agent.representation.touches import felt_kernels
 from selftouch_drake.agent.tries import judged_try
 
 NUM_ROWS = 24_000
+#: Where parts and places alone are asked for.
+ONLY_PLACES = pytest.mark.usefixtures("without_networks")
 
 
 @pytest.fixture(scope="module")
@@ -182,6 +184,7 @@ def test_another_unit_of_a_joint_changes_nothing_but_the_unit(agent, experience)
     np.testing.assert_allclose(there.path(s) / unit, here.path(s), atol=1e-2)
 
 
+@ONLY_PLACES
 def test_two_hands_that_rarely_touch_at_once_are_separated():
     q, sensation, skin, _ = touch(["sphere", "tube", "cap"], 12_000, double=0.03, seed=1)
     agent = Agent.learn(q, sensation, num_targets=200)
@@ -198,6 +201,7 @@ def test_two_hands_that_rarely_touch_at_once_are_separated():
     assert agent.target_felt(sensation[both][0]) == kernels[0]
 
 
+@ONLY_PLACES
 def test_two_touches_that_are_the_rule_are_kept():
     q, sensation, _, _ = touch(["sphere"], 12_000, double=0.5)
     representation = learned(q, sensation, 200)
@@ -205,6 +209,7 @@ def test_two_touches_that_are_the_rule_are_kept():
     assert representation.num_parts == 1
 
 
+@ONLY_PLACES
 def test_a_touch_of_a_hand_with_skin_counts_for_both_places():
     q, sensation, skin, place = touch(["sphere", "tube"], 16_000, hand="cap")
     agent = Agent.learn(q, sensation, num_targets=240)
@@ -231,6 +236,7 @@ def test_a_touch_of_a_hand_with_skin_counts_for_both_places():
     assert holes == {0: (1, 0, 1), 1: (1, 1, 0), 2: (1, 0, 0)}
 
 
+@ONLY_PLACES
 def test_touches_that_run_from_skin_to_skin_join_them():
     # Two halves of one sphere, each with its own receptors.
     q, sensation, _, _ = touch(["sphere"], 12_000)
@@ -240,6 +246,7 @@ def test_touches_that_run_from_skin_to_skin_join_them():
     assert representation.num_set_aside == 0
 
 
+@ONLY_PLACES
 @pytest.mark.parametrize("noise", ["multiplied", "dead", "added"])
 def test_a_skin_with_flaws_is_one_part(noise):
     q, sensation, _, _ = touch(["sphere"], 20_000, num_receptors=100, width=0.5)

@@ -101,7 +101,7 @@ SMALL: dict[str, list[str]] = {
         "--out={tmp}/t",
     ],
     "accuracy/constants": ["{tmp}/sphere_1", *FEW, "--pairs=1", "--only", "links._LEAP_POWER"],
-    "accuracy/agent_constants": ["--only", "readings.turns._MORE"],
+    "accuracy/agent_constants": ["--only", "readings.turns._FEWEST"],
     "accuracy/causes": ["{tmp}/sphere_1", "--touches=20000"],
     "accuracy/layout": ["sphere", *FEW, "--seeds=1", "--out={tmp}"],
     "cost/cluster": ["{run}"],

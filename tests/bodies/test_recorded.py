@@ -73,6 +73,7 @@ def test_plans_are_practised_executed_and_rehearsed_in_it(run):
     assert "felt" in load_arrays(run / "plans" / "3-40.npz")
 
 
+@pytest.mark.slow
 def test_what_practice_met_makes_the_next_plans_better(run):
     done("evaluate", run, *BODY)
     before = metrics(run)

@@ -104,13 +104,13 @@ def test_what_it_knows_does_not_depend_on_where_it_was_stopped():
     """The learner measures distances again only where enough is new since it was last asked."""
     whole, rounds = living(active(3000)), []
     for _ in range(5):
-        shard = whole.explore(300)
+        shard = whole.explore(200)
         whole.remember(shard.q, shard.sensation)
         rounds.append((shard.q, shard.sensation))
     again = living(active(3000))
     for q, sensation in rounds:
         again.remember(q, sensation)
-    np.testing.assert_array_equal(again.explore(300).q, whole.explore(300).q)
+    np.testing.assert_array_equal(again.explore(200).q, whole.explore(200).q)
 
 
 @pytest.fixture

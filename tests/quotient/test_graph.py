@@ -6,9 +6,9 @@ from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.quotient.graph import (
     DisconnectedWarning,
+    combined_distance,
     connected_edges,
     neighbour_edges,
-    surface_neighbours,
 )
 from selftouch_drake.quotient.paths import component_labels
 
@@ -37,11 +37,10 @@ def test_kernels_that_feel_different_are_far_apart():
     angle = np.array([0.0, 0.5, 1.0, 1.5, 0.1])
     targets = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     part = np.array([0, 0, 0, 0, 1])
-    edges, near = surface_neighbours(set_distance, targets, part[:, None] != part)
-    assert edges.max() == 3
-    assert near[0, 1] < near[0, 3]
-    assert np.isinf(near[4, :4]).all()
-    assert np.isinf(near[:4, 4]).all()
+    distance = combined_distance(set_distance, targets)
+    assert distance[0, 1] < distance[0, 3]
+    distance[part[:, None] != part] = np.inf
+    assert neighbour_edges(distance).max() == 3
 
 
 def test_neighbours_at_no_distance_are_not_oneself():

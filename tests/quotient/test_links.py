@@ -35,14 +35,3 @@ def test_a_step_leads_to_the_ring_of_neighbours_but_not_past_the_next():
     linked[tuple(links.T)] = True
     assert linked[np.triu(apart < spacing, 1)].all()
     assert not linked[apart > 2.0 * spacing].any()
-
-
-def test_nothing_but_an_edge_links_what_is_apart():
-    ring = ring_by_hand(20, links=[(0, 9)])
-    north = np.arange(20) < 10
-    apart = north[:, None] != north
-    links = step_links(ring.target_sensations, ring.edges, apart)
-    free = step_links(ring.target_sensations, ring.edges)
-    crossing = apart[tuple(free.T)]
-    assert crossing.any()
-    assert links.tolist() == free[~crossing].tolist()

@@ -19,10 +19,9 @@ make_ring = partial(by_hand.ring_by_hand, kind=Representation)
 def graph_of(representation):
     """Its edges and the firm configurations of its kernels."""
     rows = [firm_rows(representation, k) for k in range(representation.num_targets)]
-    firm_row = np.concatenate(rows)
-    x = representation.scaled(representation.kernel_q[firm_row]).astype(np.float32)
+    x = representation.scaled(representation.kernel_q[np.concatenate(rows)]).astype(np.float32)
     firm = KernelSets(x, np.cumsum([0, *map(len, rows)]))
-    return RouteGraph.of(firm, firm_row, representation.edges)
+    return RouteGraph.of(firm, representation.edges)
 
 
 def route(representation, q_start, start, goal, penalty=None):

@@ -55,17 +55,38 @@ def test_centres_of_groups_keep_the_force_and_its_centre():
     assert np.linalg.matrix_rank(three[:, :3], tol=1e-3 * three.max()) == 3
 
 
-@pytest.mark.parametrize("reading", [BINARY, COUNTS])
-def test_worlds_read_alike(reading):
-    surface = {"shape": "sphere", "radius": 0.25, "resolution": 0.05}
-    skin = {"num_receptors": 30, "surface": surface}
-    experiment = load_experiment("sphere", {"skins": {"body": skin | {"reading": reading}}})
-    plain = load_experiment("sphere", {"skins": {"body": skin}})
-    world, forces = World(experiment), World(plain)
-    forces.skins = world.skins
+SKIN = {
+    "num_receptors": 30,
+    "surface": {"shape": "sphere", "radius": 0.25, "resolution": 0.05},
+}
+
+
+def felt_under_dynamics(world, at):
+    """`(S,)` what the world's own station reads at a posture."""
+    station = MakeDynamicStation(world.experiment, world.skins)
+    context = station.diagram.CreateDefaultContext()
+    plant = station.robot.plant
+    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), at)
+    station.diagram.get_input_port().FixValue(context, np.append(at, np.zeros(6)))
+    return station.diagram.GetOutputPort("sensation").Eval(context)
+
+
+@pytest.fixture(scope="module")
+def forces():
+    """A world that reads forces, postures, and what is felt there."""
+    world = World(load_experiment("sphere", {"skins": {"body": SKIN}}))
     q = np.random.default_rng(0).uniform(*world.robot.babbled_range, (3000, 6))
-    rows, touches = forces.probe.felt_rows(q)
-    read = read_forces(touches.sensation, ReadingSettings(**reading))
+    rows, touches = world.probe.felt_rows(q)
+    at = q[rows[touches.sensation.sum(axis=1).argmax()]]
+    return world, q, rows, touches.sensation, at, felt_under_dynamics(world, at)
+
+
+@pytest.mark.parametrize("reading", [BINARY, COUNTS])
+def test_worlds_read_alike(reading, forces):
+    plain, q, rows, sensation, at, pressed = forces
+    world = World(load_experiment("sphere", {"skins": {"body": SKIN | {"reading": reading}}}))
+    world.skins = plain.skins
+    read = read_forces(sensation, ReadingSettings(**reading))
     kept = read.any(axis=1)
     assert 0 < kept.sum() < len(kept)  # the lightest touches are not felt
     found, felt = world.probe.felt_rows(q)
@@ -73,18 +94,10 @@ def test_worlds_read_alike(reading):
     np.testing.assert_array_equal(felt.sensation, read[kept])
     np.testing.assert_array_equal(world.probe.sensations(q[rows]), read)
     # Under dynamics, the world reads the forces that it computes itself.
-    at = q[rows[touches.sensation.sum(axis=1).argmax()]]
-    dynamic = {}
-    for name, described in (("read", experiment), ("forces", plain)):
-        station = MakeDynamicStation(described, world.skins)
-        context = station.diagram.CreateDefaultContext()
-        plant = station.robot.plant
-        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), at)
-        station.diagram.get_input_port().FixValue(context, np.append(at, np.zeros(6)))
-        dynamic[name] = station.diagram.GetOutputPort("sensation").Eval(context)
-    assert dynamic["read"].any()
+    read_there = felt_under_dynamics(world, at)
+    assert read_there.any()
     np.testing.assert_array_equal(
-        dynamic["read"], read_forces(dynamic["forces"][None], ReadingSettings(**reading))[0]
+        read_there, read_forces(pressed[None], ReadingSettings(**reading))[0]
     )
 
 

@@ -119,5 +119,11 @@ def test_a_life_that_was_ended_is_kept_so_far(run):
 
 
 def test_a_run_that_learns_two_bodies_as_one_says_so(run):
-    with pytest.warns(ChangedBodyWarning, match=r"changes\[\].after is 1,000.*`selftouch live "):
-        stages.learn(run)
+    def stop(fraction, doing):
+        raise KeyboardInterrupt
+
+    with (
+        pytest.warns(ChangedBodyWarning, match=r"changes\[\].after is 1,000.*`selftouch live "),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        stages.learn(run, stop)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -70,7 +71,7 @@ def normalizing(place: np.ndarray) -> np.ndarray:
     return motion
 
 
-def transformed(motion: np.ndarray, points: np.ndarray) -> np.ndarray:
+def moved_by_similarity(motion: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`(n, 3)` points moved by a similarity."""
     return points @ motion[:3, :3].T + motion[:3, 3]
 
@@ -102,26 +103,8 @@ def assembled(
     part_link = np.full(num_parts, UNUSED)
     for part, link in tree.part.items():
         part_link[part] = link
-    toucher_link = np.array([tree.toucher[u] for u in range(len(solution.points))])
-    points = [
-        transformed(carried[int(link)], point[None])[0]
-        for link, point in zip(toucher_link, solution.points, strict=True)
-    ]
-    shapes = np.zeros((len(points), 5))
-    if solution.sizes is not None:
-        for number, link in enumerate(toucher_link):
-            shapes[number] = shape_moved(carried[int(link)], solution.sizes.shape[number])
-    place, normal = np.full((len(scene.part), 3), np.nan), np.full((len(scene.part), 3), np.nan)
-    outward = outward_normals(scene, solution)
-    for part, link in tree.part.items():
-        here = scene.part == part
-        place[here] = transformed(carried[link], solution.place[here])
-        normal[here] = directions(carried[link], outward[here])
-    toucher = np.full(num_rows, -1, dtype=np.int8)
-    nearest = nearest_toucher(
-        solution_places(scene, solution), solution.place, scene.part, scene.target
-    )
-    toucher[found.rows] = np.where(solution.share.sum(axis=1) > 0.5, nearest, -1)
+    touchers = _touchers(found, carried)
+    place, normal = _kernels(found, carried)
     skin = _receptors(found, carried, normal, place, sensation)
     covariance = _covariance(found, motion)
     variance = np.diag(covariance)[: twists.size]
@@ -137,13 +120,13 @@ def assembled(
         joint_kind=found.kind,
         order_group=found.order_group,
         part_link=part_link,
-        toucher_link=toucher_link,
-        toucher_place=np.array(points),
-        toucher_shape=shapes,
+        toucher_link=touchers.link,
+        toucher_place=touchers.place,
+        toucher_shape=touchers.shape,
         kernel_part=scene.part,
         kernel_place=place,
         kernel_normal=normal,
-        kernel_toucher=toucher,
+        kernel_toucher=_toucher_of_rows(found, num_rows),
         receptor_part=skin.part,
         receptor_place=skin.place,
         receptor_normal=skin.normal,
@@ -157,6 +140,51 @@ def assembled(
         dimension=dimension(scene, solution),
         seed=found.seed,
     )
+
+
+class _Touchers(NamedTuple):
+    """`(U,)` links, `(U, 3)` places and `(U, 5)` shapes of touchers, as in `BodyModel`."""
+
+    link: np.ndarray
+    place: np.ndarray
+    shape: np.ndarray
+
+
+def _touchers(found: Found, carried: Mapping[int, np.ndarray]) -> _Touchers:
+    solution = found.solution
+    links = [found.tree.toucher[number] for number in range(len(solution.points))]
+    places = [
+        moved_by_similarity(carried[link], point[None])[0]
+        for link, point in zip(links, solution.points, strict=True)
+    ]
+    shapes = np.zeros((len(links), 5))
+    if solution.sizes is not None:
+        for number, link in enumerate(links):
+            shapes[number] = shape_moved(carried[link], solution.sizes.shape[number])
+    return _Touchers(np.array(links), np.array(places), shapes)
+
+
+def _kernels(found: Found, carried: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`(K, 3)` places and outward normals of kernels; NaN for parts that the tree lacks."""
+    scene, solution = found.scene, found.solution
+    place, normal = np.full((len(scene.part), 3), np.nan), np.full((len(scene.part), 3), np.nan)
+    outward = outward_normals(scene, solution)
+    for part, link in found.tree.part.items():
+        here = scene.part == part
+        place[here] = moved_by_similarity(carried[link], solution.place[here])
+        normal[here] = directions(carried[link], outward[here])
+    return place, normal
+
+
+def _toucher_of_rows(found: Found, num_rows: int) -> np.ndarray:
+    """`(R,)` int8, the toucher that made each stored touch; -1 if none explains it."""
+    scene, solution = found.scene, found.solution
+    toucher = np.full(num_rows, -1, dtype=np.int8)
+    nearest = nearest_toucher(
+        solution_places(scene, solution), solution.place, scene.part, scene.target
+    )
+    toucher[found.rows] = np.where(solution.share.sum(axis=1) > 0.5, nearest, -1)
+    return toucher
 
 
 def reasons(judged: Sequence[Judgement | None]) -> str:
@@ -193,7 +221,7 @@ def dimension(scene: Scene, solution: Solution) -> int:
 
 
 def _covariance(found: Found, motion: np.ndarray) -> np.ndarray:
-    """`(6 J + 3 U, 6 J + 3 U)` as of `BodyModel`.
+    """`(6 J + 3 U, 6 J + 3 U)` as in `BodyModel`.
 
     The fit leaves the unit of length open, and the model takes it from the places of kernels: so
     what makes these places grow makes lengths shrink.
@@ -227,7 +255,7 @@ def _parameters(found: Found, solution: Solution, motion: np.ndarray) -> np.ndar
     """`(6 J + 3 U,)` twists for raw readings, and the touchers' places in the frames of links."""
     twists, carried = for_readings(found.tree, solution.twists, found.center, found.scale, motion)
     points = [
-        transformed(carried[found.tree.toucher[number]], point[None])[0]
+        moved_by_similarity(carried[found.tree.toucher[number]], point[None])[0]
         for number, point in enumerate(solution.points)
     ]
     return np.concatenate([twists.ravel(), np.ravel(points)])
@@ -289,7 +317,7 @@ def _receptors(
     part[~has] = -1
     for number_of_part, link in found.tree.part.items():
         here = part == number_of_part
-        place[here] = transformed(carried[link], place[here])
+        place[here] = moved_by_similarity(carried[link], place[here])
         kernels = np.flatnonzero((scene.part == number_of_part) & np.isfinite(normal).all(axis=1))
         if len(kernels) and here.any():
             apart = np.linalg.norm(place[here][:, None] - kernel_place[kernels][None], axis=2)

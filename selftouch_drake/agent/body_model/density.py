@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from selftouch_drake.agent.body_model.fit import Group
-from selftouch_drake.compiled import compiled
+from selftouch_drake.compiled import compiled, inner
 
 # Standard deviations of the readings. The next one is not taken if it explains less.
 _BANDWIDTHS = (0.5, 0.35, 0.25, 0.18)
@@ -92,6 +92,45 @@ def _cores(groups: list[list[int]], statistic: np.ndarray) -> list[list[int]]:
     ]
 
 
+@inner
+def _fill_near(x, scale, near):
+    """Fills in how near each two of `(n, D)` touches are, `(n, n)` or more; none to itself."""
+    for a in range(len(x)):
+        near[a, a] = 0.0
+        for b in range(a):
+            square = 0.0
+            for d in range(x.shape[1]):
+                step = x[a, d] - x[b, d]
+                square += step * step
+            value = math.exp(scale * square)
+            near[a, b] = value
+            near[b, a] = value
+
+
+@inner
+def _share_anew(share, near, background, floor, fresh, mass, total):
+    """One round in a kernel of n touches: replaces `(n, U)` shares; fills in `(n,)` evidence."""
+    n, num_limbs = share.shape
+    for u in range(num_limbs):
+        mass[u] = 0.0
+        for a in range(n):
+            mass[u] += share[a, u]
+    for a in range(n):
+        total[a] = 0.0
+        for u in range(num_limbs):
+            density = 0.0
+            for b in range(n):
+                density += near[u, a, b] * share[b, u]
+            density = density / (mass[u] - share[a, u] + 1e-6) / (background[a, u] + 1e-6)
+            fresh[a, u] = (density + floor) * (mass[u] / n + floor)
+            total[a] += fresh[a, u]
+        for u in range(num_limbs):
+            fresh[a, u] /= total[a]
+    for a in range(n):
+        for u in range(num_limbs):
+            share[a, u] = fresh[a, u]
+
+
 @compiled
 def _rounds(x, first, offsets, background, share, bandwidth, rounds, floor):
     """Rounds of responsibilities within each kernel; returns the mean log evidence."""
@@ -101,43 +140,17 @@ def _rounds(x, first, offsets, background, share, bandwidth, rounds, floor):
         largest = max(largest, offsets[k + 1] - offsets[k])
     near = np.zeros((num_limbs, largest, largest), np.float32)
     fresh, mass = np.zeros((largest, num_limbs)), np.zeros(num_limbs)
-    scale, evidence = -0.5 / bandwidth**2, 0.0
+    total = np.zeros(largest)
+    evidence = 0.0
     for k in range(len(offsets) - 1):
-        start, n = offsets[k], offsets[k + 1] - offsets[k]
+        start, stop = offsets[k], offsets[k + 1]
+        here = share[start:stop]
         for u in range(num_limbs):
-            for a in range(n):
-                near[u, a, a] = 0.0
-                for b in range(a):
-                    square = 0.0
-                    for d in range(first[u], first[u + 1]):
-                        step = x[start + a, d] - x[start + b, d]
-                        square += step * step
-                    value = math.exp(scale * square)
-                    near[u, a, b] = value
-                    near[u, b, a] = value
-        for turn in range(rounds):
-            for u in range(num_limbs):
-                mass[u] = 0.0
-                for a in range(n):
-                    mass[u] += share[start + a, u]
-            for a in range(n):
-                total = 0.0
-                for u in range(num_limbs):
-                    density = 0.0
-                    for b in range(n):
-                        density += near[u, a, b] * share[start + b, u]
-                    own = share[start + a, u]
-                    density = density / (mass[u] - own + 1e-6) / (background[start + a, u] + 1e-6)
-                    value = (density + floor) * (mass[u] / n + floor)
-                    fresh[a, u] = value
-                    total += value
-                if turn == rounds - 1:
-                    evidence += math.log(total)
-                for u in range(num_limbs):
-                    fresh[a, u] /= total
-            for a in range(n):
-                for u in range(num_limbs):
-                    share[start + a, u] = fresh[a, u]
+            _fill_near(x[start:stop, first[u] : first[u + 1]], -0.5 / bandwidth**2, near[u])
+        for _turn in range(rounds):
+            _share_anew(here, near, background[start:stop], floor, fresh, mass, total)
+        for a in range(stop - start):
+            evidence += math.log(total[a])
     return evidence / num_touches
 
 

@@ -52,6 +52,35 @@ class Meetings(NamedTuple):
     unit: np.ndarray
 
 
+class _Meeting(NamedTuple):
+    """One of the `Meetings`: the same fields, of its own mover and solid alone."""
+
+    mover_link: int
+    solid_link: int
+    balls: np.ndarray
+    around: np.ndarray
+    corner: np.ndarray
+    cell: float
+    sides: np.ndarray
+    grid: int
+
+
+@inner
+def _meeting(meetings, number):
+    """One of the meetings."""
+    mover, solid = meetings.mover[number], meetings.solid[number]
+    return _Meeting(
+        meetings.mover_link[number],
+        meetings.solid_link[number],
+        meetings.balls[meetings.first_ball[mover] : meetings.first_ball[mover + 1]],
+        meetings.around[mover],
+        meetings.corner[solid],
+        meetings.cell[solid],
+        meetings.sides[solid],
+        meetings.grids[solid],
+    )
+
+
 @inner
 def _from(mover, wearer, seen):
     """Fills in the `(3, 4)` pose of one link as another has it; both are `(4, 4)` poses."""
@@ -74,34 +103,31 @@ def _at(X, x, y, z):
 
 
 @inner
-def _apart(around, seen, corner, cell, sides, first, clear):
+def _apart(met, seen, clear):
     """Whether no ball of a mover can be near the surface of a solid.
 
     Args:
-        around: `(4,)` a ball that holds those of the mover.
+        met: the meeting of the two.
         seen: `(3, 4)` pose of the mover's link.
-        corner: `(3,)` of the solid's grid.
-        cell: of the grid.
-        sides: `(3,)` of the grid.
-        first: where the grid begins in `clear`.
-        clear: as of `Meetings`.
+        clear: as in `Meetings`.
     """
-    place = _at(seen, around[0], around[1], around[2])
+    place = _at(seen, met.around[0], met.around[1], met.around[2])
     number, outside = 0, 0.0
     for axis in range(3):
-        step = (place[axis] - corner[axis]) / cell
-        inside = min(max(step, 0.0), float(sides[axis] - 1))
+        step = (place[axis] - met.corner[axis]) / met.cell
+        inside = min(max(step, 0.0), float(met.sides[axis] - 1))
         outside = max(outside, abs(step - inside))
-        number = number * sides[axis] + int(inside + 0.5)
+        number = number * met.sides[axis] + int(inside + 0.5)
     # The nearest corner is at most 0.87 cells away.
-    return max(outside * cell, clear[first + number] - cell) > around[3]
+    return max(outside * met.cell, clear[met.grid + number] - met.cell) > met.around[3]
 
 
 @inner
 def _height(x, y, z, num_x, num_y, num_z, first, height):
     """Height above a solid at a place in cells of its grid, its slope, and the nearest corner.
 
-    The height is infinite where it is unknown.
+    The height is infinite where it is unknown. A grid of numbers: to hand over the meeting for each
+    ball takes twice the time.
     """
     if x < 0 or y < 0 or z < 0 or x >= num_x - 1 or y >= num_y - 1 or z >= num_z - 1:
         return np.inf, 0.0, 0.0, 0.0, 0
@@ -132,24 +158,21 @@ def _height(x, y, z, num_x, num_y, num_z, first, height):
 
 
 @inner
-def _worst(seen, balls, corner, cell, sides, first, height, place, limits, kept):
+def _worst(met, seen, height, place, limits, kept):
     """How much deeper than its limit the worst ball of a meeting is; -inf if none is near.
 
     Args:
+        met: the meeting.
         seen: `(3, 4)` pose of the mover's link.
-        balls: `(b, 4)` centres and radii of the mover's balls.
-        corner: `(3,)` of the solid's grid.
-        cell: of the grid.
-        sides: `(3,)` of the grid.
-        first: where the grid begins in `height` and `place`.
-        height: as of `Meetings`.
-        place: as of `Meetings`.
+        height: as in `Meetings`.
+        place: as in `Meetings`.
         limits: `(p,)` of the meeting.
         kept: `(2, 3)` is filled in with where the worst ball is, and the slope of the height.
     """
     worst = -np.inf
-    c0, c1, c2 = corner[0], corner[1], corner[2]
-    n0, n1, n2 = sides[0], sides[1], sides[2]
+    balls, first, cell = met.balls, met.grid, met.cell
+    c0, c1, c2 = met.corner[0], met.corner[1], met.corner[2]
+    n0, n1, n2 = met.sides[0], met.sides[1], met.sides[2]
     for number in range(len(balls)):
         x, y, z = _at(seen, balls[number, 0], balls[number, 1], balls[number, 2])
         up, s0, s1, s2, at = _height(
@@ -166,19 +189,15 @@ def _worst(seen, balls, corner, cell, sides, first, height, place, limits, kept)
 
 
 @inner
-def _deepen(seen, balls, corner, cell, sides, first, height, place, deepest):
+def _deepen(met, seen, height, place, deepest):
     """Raises `(p,)` depths of a meeting to those of its balls; arguments are those of `_worst`."""
+    balls, first, cell = met.balls, met.grid, met.cell
+    c0, c1, c2 = met.corner[0], met.corner[1], met.corner[2]
+    n0, n1, n2 = met.sides[0], met.sides[1], met.sides[2]
     for number in range(len(balls)):
         x, y, z = _at(seen, balls[number, 0], balls[number, 1], balls[number, 2])
         up, _, _, _, at = _height(
-            (x - corner[0]) / cell,
-            (y - corner[1]) / cell,
-            (z - corner[2]) / cell,
-            sides[0],
-            sides[1],
-            sides[2],
-            first,
-            height,
+            (x - c0) / cell, (y - c1) / cell, (z - c2) / cell, n0, n1, n2, first, height
         )
         if up < np.inf:
             deepest[place[at]] = max(deepest[place[at]], balls[number, 3] - up)
@@ -189,17 +208,13 @@ def raise_limits(meetings, poses, deepest):
     """Raises `(l,)` limits to the deepest of n postures, `(n, L, 4, 4)` poses of the links."""
     seen = np.empty((3, 4))
     height, place, clear = meetings.height, meetings.place, meetings.clear
-    for meeting in range(len(meetings.mover)):
-        mover, solid = meetings.mover[meeting], meetings.solid[meeting]
-        balls = meetings.balls[meetings.first_ball[mover] : meetings.first_ball[mover + 1]]
-        around, corner = meetings.around[mover], meetings.corner[solid]
-        cell, sides, first = meetings.cell[solid], meetings.sides[solid], meetings.grids[solid]
-        own = deepest[meetings.first_limit[meeting] :]
-        for row in range(len(poses)):
-            X = poses[row]
-            _from(X[meetings.mover_link[meeting]], X[meetings.solid_link[meeting]], seen)
-            if not _apart(around, seen, corner, cell, sides, first, clear):
-                _deepen(seen, balls, corner, cell, sides, first, height, place, own)
+    for number in range(len(meetings.mover)):
+        met = _meeting(meetings, number)
+        own = deepest[meetings.first_limit[number] :]
+        for X in poses:
+            _from(X[met.mover_link], X[met.solid_link], seen)
+            if not _apart(met, seen, clear):
+                _deepen(met, seen, height, place, own)
 
 
 @compiled
@@ -215,30 +230,16 @@ def exceed(meetings, poses, over, kept):
     """
     seen = np.empty((3, 4))
     height, place, clear = meetings.height, meetings.place, meetings.clear
-    for meeting in range(len(meetings.mover)):
-        mover, solid = meetings.mover[meeting], meetings.solid[meeting]
-        balls = meetings.balls[meetings.first_ball[mover] : meetings.first_ball[mover + 1]]
-        around, corner = meetings.around[mover], meetings.corner[solid]
-        cell, sides, first = meetings.cell[solid], meetings.sides[solid], meetings.grids[solid]
-        limits = meetings.limits[meetings.first_limit[meeting] :]
+    for number in range(len(meetings.mover)):
+        met = _meeting(meetings, number)
+        limits = meetings.limits[meetings.first_limit[number] :]
         for row in range(len(poses)):
             X = poses[row]
-            _from(X[meetings.mover_link[meeting]], X[meetings.solid_link[meeting]], seen)
-            over[meeting, row] = -np.inf
-            if not _apart(around, seen, corner, cell, sides, first, clear):
-                worst = _worst(
-                    seen,
-                    balls,
-                    corner,
-                    cell,
-                    sides,
-                    first,
-                    height,
-                    place,
-                    limits,
-                    kept[meeting, row],
-                )
-                over[meeting, row] = worst / meetings.unit[meeting]
+            _from(X[met.mover_link], X[met.solid_link], seen)
+            over[number, row] = -np.inf
+            if not _apart(met, seen, clear):
+                worst = _worst(met, seen, height, place, limits, kept[number, row])
+                over[number, row] = worst / meetings.unit[number]
 
 
 @compiled
@@ -248,10 +249,10 @@ def push(meetings, poses, twists, carries, over, kept, slope, square):
     Args:
         meetings: of M meetings.
         poses: `(n, L, 4, 4)` of the links.
-        twists: `(J, 6)` of the joints, as of `BodyModel`.
+        twists: `(J, 6)` of the joints, as in `BodyModel`.
         carries: `(L, J)` bool, whether each joint carries each link.
         over: `(M, n)` what is missing, in units of depth; 0 where nothing is.
-        kept: as of `exceed`.
+        kept: as in `exceed`.
         slope: `(n, J)` half of the derivatives of the sums of squares by the readings.
         square: `(n, J, J)` products of the derivatives of what is missing.
     """

@@ -11,7 +11,7 @@ from selftouch_drake.agent.body_model.assemble import Found, assembled, normaliz
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.density import limbs
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
-from selftouch_drake.agent.body_model.forest import Body
+from selftouch_drake.agent.body_model.forest import Mechanism
 from selftouch_drake.agent.body_model.judge import (
     CHOICE,
     VERDICT,
@@ -31,6 +31,7 @@ from selftouch_drake.agent.body_model.scene import (
 )
 from selftouch_drake.agent.body_model.sizes import carried_over, with_sizes
 from selftouch_drake.agent.body_model.standard_errors import covariance
+from selftouch_drake.agent.body_model.standard_readings import StandardReadings
 from selftouch_drake.agent.body_model.structure import (
     Search,
     found_chains,
@@ -90,7 +91,7 @@ def find_body_model(
     Returns:
         The body model, with its judgement: rejected where held-out touches do not agree.
     """
-    touches = Touches.of(q, target, part, double)
+    touches = StandardTouches.of(q, target, part, double)
 
     def none(reason: str) -> BodyModel:
         return rejected(
@@ -142,7 +143,7 @@ class _Ticks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Touches:
+class StandardTouches:
     """The touches that may be explained, standardised.
 
     Attributes:
@@ -164,7 +165,7 @@ class Touches:
     moving: list[int]
 
     @staticmethod
-    def of(q, target, part, double) -> "Touches":
+    def of(q, target, part, double) -> "StandardTouches":
         """Leaves out double touches and what is not finite, and standardises."""
         q, target = np.asarray(q, dtype=float), np.asarray(target)
         kept = np.isfinite(q).all(axis=1)
@@ -174,13 +175,11 @@ class Touches:
         q, target = q[rows], target[rows]
         if len(rows) == 0:
             width = q.shape[1]
-            return Touches(q, target, np.asarray(part), rows, np.zeros(width), np.ones(width), [])
-        center, scale = q.mean(axis=0), q.std(axis=0)
-        still = scale <= 1e-9 * np.maximum(np.abs(center), 1e-3)
-        scale = np.where(still, 1.0, scale)
-        standard = np.where(still, 0.0, (q - center) / scale)
-        moving = np.flatnonzero(~still).tolist()
-        return Touches(standard, target, np.asarray(part), rows, center, scale, moving)
+            return StandardTouches(
+                q, target, np.asarray(part), rows, np.zeros(width), np.ones(width), []
+            )
+        standard, center, scale, moving = StandardReadings.of(q)
+        return StandardTouches(standard, target, np.asarray(part), rows, center, scale, moving)
 
     def single(self) -> np.ndarray:
         """`(J, n)` float32 readings, as a search wants them."""
@@ -191,7 +190,7 @@ class Touches:
         return Scene(self.q, self.target, self.part, ways)
 
 
-def _find(search: Search, touches: Touches, seed: int) -> Found | None:
+def _find(search: Search, touches: StandardTouches, seed: int) -> Found | None:
     """The body of one part by one hand, or else of any tree."""
     purpose = held_out(touches.q, search.random)
     parts = sorted(set(touches.part[touches.target].tolist()))
@@ -221,7 +220,7 @@ def _find(search: Search, touches: Touches, seed: int) -> Found | None:
 
 
 def _find_by_sensation(
-    search: Search, touches: Touches, sensation: csr_array, seed: int
+    search: Search, touches: StandardTouches, sensation: csr_array, seed: int
 ) -> Found | None:
     """The body of one part by one toucher, from few touches."""
     chain = few.found_by_sensation(
@@ -274,7 +273,7 @@ def _score(judgement: Judgement) -> float:
 
 
 def _chain_of_part(
-    search: Search, touches: Touches, train: np.ndarray, choice: np.ndarray, part: int
+    search: Search, touches: StandardTouches, train: np.ndarray, choice: np.ndarray, part: int
 ) -> tuple[_Chain | None, Group]:
     """The best chain of a part: the first one that held-out touches accept, else the best.
 
@@ -307,7 +306,11 @@ def _settled(costs: list[float]) -> bool:
 
 
 def _solved(
-    search: Search, touches: Touches, split: tuple[np.ndarray, np.ndarray], body: Bodies, part: int
+    search: Search,
+    touches: StandardTouches,
+    split: tuple[np.ndarray, np.ndarray],
+    body: Bodies,
+    part: int,
 ) -> _Chain:
     """Least squares, further touchers, and the judgement of a chain."""
     train, choice = split
@@ -373,7 +376,7 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
 
 
 def _finished(
-    search: Search, touches: Touches, chain: _Chain, purpose: np.ndarray, seed: int
+    search: Search, touches: StandardTouches, chain: _Chain, purpose: np.ndarray, seed: int
 ) -> Found:
     """Kinds of joints, which of them may change places, and who made each touch of all."""
     solution, kind, fixed = _kinds(search, touches, chain.scene, chain.solution, chain.fixed)
@@ -409,7 +412,7 @@ def order_groups(order: list[int], swaps: np.ndarray, number: int) -> np.ndarray
 
 
 def _kinds(
-    search: Search, touches: Touches, scene: Scene, solution: Solution, fixed: np.ndarray
+    search: Search, touches: StandardTouches, scene: Scene, solution: Solution, fixed: np.ndarray
 ) -> tuple[Solution, np.ndarray, np.ndarray]:
     """Which joints slide, which then do not turn at all; and which parameters are held."""
     used = sorted({joint for way in scene.ways.values() for joint, _ in way})
@@ -435,7 +438,7 @@ def _kinds(
 
 
 def _finished_tree(
-    search: Search, touches: Touches, body: Body, purpose: np.ndarray, seed: int
+    search: Search, touches: StandardTouches, body: Mechanism, purpose: np.ndarray, seed: int
 ) -> Found:
     """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch."""
     counts = np.bincount(touches.part[touches.target], minlength=len(touches.part))

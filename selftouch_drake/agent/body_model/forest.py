@@ -118,7 +118,7 @@ class Links:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class Mechanism:
     """A tree with its parameters.
 
     Attributes:
@@ -181,7 +181,7 @@ def dense_rows(
     return np.sort(np.concatenate(picked)) if picked else rows[:0]
 
 
-def swapped(body: Body) -> list[tuple[int, Body]]:
+def swapped(body: Mechanism) -> list[tuple[int, Mechanism]]:
     """Bodies in which two neighbours that nearly commute change places, with the link between.
 
     Nothing that the body carries yet tells their order, as with two shoulders on one axis: a part
@@ -221,8 +221,8 @@ def _nearly_commute(twists: np.ndarray, joints: list[int], one: int, other: int)
 
 
 def hung(
-    scene: Scene, body: Body, part: int, random: np.random.Generator
-) -> tuple[float, Body] | None:
+    scene: Scene, body: Mechanism, part: int, random: np.random.Generator
+) -> tuple[float, Mechanism] | None:
     """The body with one more part, where that explains most touches; nothing is fitted.
 
     Args:
@@ -242,9 +242,11 @@ def hung(
     return max((one for one in found if one), key=lambda one: one[0], default=None)
 
 
-def _hung_there(some: Scene, body: Body, part: int, link: int) -> tuple[float, Body] | None:
+def _hung_there(
+    some: Scene, body: Mechanism, part: int, link: int
+) -> tuple[float, Mechanism] | None:
     """The same on one link."""
-    best: tuple[float, Body] | None = None
+    best: tuple[float, Mechanism] | None = None
     links = body.links
     touchers = [u for u in sorted(links.toucher) if len(links.way(link, links.toucher[u])) >= 3]
     while touchers:
@@ -264,7 +266,7 @@ def _hung_there(some: Scene, body: Body, part: int, link: int) -> tuple[float, B
     return best
 
 
-def with_late_touchers(scene: Scene, body: Body, random: np.random.Generator) -> Body:
+def with_late_touchers(scene: Scene, body: Mechanism, random: np.random.Generator) -> Mechanism:
     """The body in which touchers that came later than a part touch it, where that explains more.
 
     Where each kernel of a part is touched by one hand alone, half of them are enough to hang it,
@@ -293,7 +295,7 @@ def with_late_touchers(scene: Scene, body: Body, random: np.random.Generator) ->
     return body
 
 
-def _covered(some: Scene, body: Body, part: int, touchers: list[int]) -> float:
+def _covered(some: Scene, body: Mechanism, part: int, touchers: list[int]) -> float:
     """Share of all touches of a part that are explained if these touchers made them."""
     links = body.links
     ways = {(part, u): links.way(links.part[part], links.toucher[u]) for u in touchers}
@@ -301,7 +303,7 @@ def _covered(some: Scene, body: Body, part: int, touchers: list[int]) -> float:
     return explained(tried, started(tried, body.twists, body.points), part, of_known=False)
 
 
-def similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def robust_similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """`(4, 4)` the similarity, maybe a mirror image, that brings points to others; robust."""
     kept = np.arange(len(found))
     motion = np.eye(4)
@@ -338,7 +340,7 @@ def twist_similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return motion
 
 
-def joined(scene: Scene, part: int, limbs: Sequence[tuple[Bodies, np.ndarray]]) -> Body:
+def joined(scene: Scene, part: int, limbs: Sequence[tuple[Bodies, np.ndarray]]) -> Mechanism:
     """One body of several chains from one part, brought to common places of its kernels.
 
     Args:
@@ -354,14 +356,14 @@ def joined(scene: Scene, part: int, limbs: Sequence[tuple[Bodies, np.ndarray]]) 
     for number, (chain, its_rows) in enumerate(others, start=1):
         its = _medians(scene, chain, its_rows)
         both = np.isfinite(places).all(axis=1) & np.isfinite(its).all(axis=1)
-        motion = similarity(its[both], places[both])
+        motion = robust_similarity(its[both], places[both])
         its_way = chain.ways[0][0]
         joints = [joint for joint, _ in its_way if joint not in links.ends]
         links, end = links.extended(links.part[part], joints, forwards=True)
         links = replace(links, toucher={**links.toucher, number: end})
         twists[joints] = adjoint(motion, chain.twists[0, joints])
         points.append(motion[:3, :3] @ chain.points[0, 0] + motion[:3, 3])
-    return Body(links, twists, np.array(points), tuple((part, u) for u in range(len(points))))
+    return Mechanism(links, twists, np.array(points), tuple((part, u) for u in range(len(points))))
 
 
 def _medians(scene: Scene, chain: Bodies, rows: np.ndarray) -> np.ndarray:
@@ -376,13 +378,13 @@ def attached(
     search: Search,
     scene: Scene,
     group: Group,
-    body: Body,
+    body: Mechanism,
     part: int,
     *,
     inner: Sequence[int],
     outer: Sequence[int],
     shared: Sequence[int] | None,
-) -> list[Body]:
+) -> list[Mechanism]:
     """Bodies with a part whose way has joints that the tree does not have yet, best first.
 
     Args:
@@ -437,7 +439,7 @@ def attached(
     return [_with(body, part, hypotheses[order[k]], tried.pick([k])) for k in ranked]
 
 
-def _with(body: Body, part: int, hypothesis, tried: Bodies) -> Body:
+def _with(body: Mechanism, part: int, hypothesis, tried: Bodies) -> Mechanism:
     """The body with a part and new joints, whose twists come from a fit of the part alone.
 
     The fit began in the frame of the body and left it: the joints of both tell the way back.
@@ -459,4 +461,4 @@ def _with(body: Body, part: int, hypothesis, tried: Bodies) -> Body:
         pairs: tuple[tuple[int, int], ...] = ((part, toucher),)
     else:
         pairs = tuple((part, u) for u, link in body.links.toucher.items() if link == end)
-    return Body(links, twists, points, (*body.pairs, *pairs))
+    return Mechanism(links, twists, points, (*body.pairs, *pairs))

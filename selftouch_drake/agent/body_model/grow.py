@@ -9,8 +9,8 @@ import numpy as np
 from selftouch_drake.agent.body_model.density import limbs, who_touched
 from selftouch_drake.agent.body_model.fit import Bodies, Group
 from selftouch_drake.agent.body_model.forest import (
-    Body,
     Links,
+    Mechanism,
     attached,
     dense_rows,
     explained,
@@ -55,7 +55,7 @@ _TRIES = 3
 
 def grown(
     search: Search, scene: Scene, tested: np.ndarray, moving: list[int], *, hands: bool = False
-) -> Body | None:
+) -> Mechanism | None:
     """One body that explains as many parts as possible; None if no part gives a chain.
 
     Args:
@@ -98,7 +98,7 @@ class _Grower:
         self.chains: dict[int, Bodies] = {}
         self.given_up: set[int] = set()
 
-    def seeds(self, hands: bool = False) -> Iterator[Body]:
+    def seeds(self, hands: bool = False) -> Iterator[Mechanism]:
         """Trees of one part: the one that a population finds sharpest, by one hand or several.
 
         Whoever asks stops when one grows well.
@@ -136,7 +136,7 @@ class _Grower:
         )
         yield from itertools.islice((body for body in trials if body is not None), 1)
 
-    def full(self, body: Body) -> Body:
+    def full(self, body: Mechanism) -> Mechanism:
         """The body with all parts that can be added to it, one after another."""
         while True:
             complete = with_late_touchers(self._training(), body, self.search.random)
@@ -148,7 +148,7 @@ class _Grower:
                 return body
             body = bigger
 
-    def share(self, body: Body) -> float:
+    def share(self, body: Mechanism) -> float:
         """Share of all touches whose parts hang in a body."""
         counts = {part: len(rows) for part, rows in self.rows.items()}
         return sum(counts[part] for part in body.links.part) / sum(counts.values())
@@ -192,13 +192,13 @@ class _Grower:
         """The criterion of a part's chain."""
         return float(self.chains[part].loss.sum())
 
-    def _of_chain(self, part: int) -> Body:
+    def _of_chain(self, part: int) -> Mechanism:
         """A body of the chain of a part."""
         chain = self.chains[part]
         links = Links.of_chain(chain.ways[0][0], part)
-        return self.bundled(Body(links, chain.twists[0], chain.points[0], ((part, 0),)))
+        return self.bundled(Mechanism(links, chain.twists[0], chain.points[0], ((part, 0),)))
 
-    def of_several_hands(self, part: int) -> Body | None:
+    def of_several_hands(self, part: int) -> Mechanism | None:
         """A body of several chains that meet at a part, told apart by densities of their joints."""
         group = self.groups[part]
         cores = limbs(*self.statistic[part])
@@ -222,7 +222,7 @@ class _Grower:
         some = dense_rows(self.scene.target, self.rows[part], self.search.random)
         return body if self._explained(body, part, some) > _SEED else None
 
-    def _explained(self, body: Body, part: int, rows: np.ndarray) -> float:
+    def _explained(self, body: Mechanism, part: int, rows: np.ndarray) -> float:
         """Share of some touches of a part that a body explains as it is."""
         ways = {pair: way for pair, way in body.ways().items() if pair[0] == part}
         scene = replace(self.scene.some(rows), ways=ways)
@@ -236,7 +236,7 @@ class _Grower:
                 return chain
         return None
 
-    def with_hung(self, body: Body, waiting: list[int]) -> Body | None:
+    def with_hung(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with those parts hung that need nothing new; None if there are none."""
         added = False
         for part in waiting:
@@ -246,7 +246,7 @@ class _Grower:
                 body, added = best[1], True
         return self.bundled(body) if added else None
 
-    def with_attached(self, body: Body, waiting: list[int]) -> Body | None:
+    def with_attached(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with one part that brings new joints; None if there is none."""
         # Parts that have a chain of their own come first: their new joints are known.
         waiting = [part for part in waiting if self.groups[part].num_kernels >= 8]
@@ -260,7 +260,7 @@ class _Grower:
                     return bigger
         return None
 
-    def _attachments(self, body: Body, part: int) -> Iterator[Body]:
+    def _attachments(self, body: Mechanism, part: int) -> Iterator[Mechanism]:
         """Bodies with the part and its new joints, the best three of each trial.
 
         Whoever asks stops when one is good.
@@ -294,7 +294,7 @@ class _Grower:
             inner=inner, outer=outer, shared=shared,
         )[:3]  # fmt: skip
 
-    def _most_of_one_hand(self, body: Body, part: int) -> tuple[int, Group]:
+    def _most_of_one_hand(self, body: Mechanism, part: int) -> tuple[int, Group]:
         """The toucher of most touches that densities tell surely, and these."""
         group, links = self.groups[part], body.links
         if len(links.toucher) < 2:
@@ -316,7 +316,7 @@ class _Grower:
             return list(links.toucher)[most], group
         return list(links.toucher)[most], one
 
-    def _with_all_hands(self, body: Body, part: int) -> Body:
+    def _with_all_hands(self, body: Mechanism, part: int) -> Mechanism:
         """The body with every toucher that may have touched the part."""
         pairs = [pair for pair in body.pairs if pair[0] != part]
         touchers = [
@@ -328,7 +328,7 @@ class _Grower:
     def _training(self) -> Scene:
         return self.scene.some(np.sort(np.concatenate(list(self.rows.values()))))
 
-    def bundled(self, body: Body) -> Body:
+    def bundled(self, body: Mechanism) -> Mechanism:
         """The body after a few steps of least squares over all its parts."""
         parts = set(body.links.part)
         rows = [
@@ -352,7 +352,7 @@ def _disjoint(chains: list[tuple[Bodies, np.ndarray]]) -> list[tuple[Bodies, np.
     return kept
 
 
-def _only(body: Body, toucher: int) -> Body:
+def _only(body: Mechanism, toucher: int) -> Mechanism:
     """The body with one of its touchers alone."""
     links = replace(body.links, toucher={toucher: body.links.toucher[toucher]})
     return replace(body, links=links)

@@ -19,6 +19,7 @@ from selftouch_drake.agent.body_model.smoothness import (
     finished,
     tangent,
 )
+from selftouch_drake.agent.body_model.standard_readings import StandardReadings
 from selftouch_drake.agent.body_model.structure import Search
 
 # Touches before a chain is looked for, and by which factor they grow until it is looked for again,
@@ -155,26 +156,20 @@ class ChainLearner:
 
 def found_chain(q: np.ndarray, sensation: np.ndarray, *, seed: int = 0) -> KnownChain | None:
     """The chain that `(n, J)` readings and `(n, S)` sensations accept; None if they accept none."""
-    center, scale = q.mean(axis=0), q.std(axis=0)
-    still = scale <= 1e-9 * np.maximum(np.abs(center), 1e-3)
-    scale = np.where(still, 1.0, scale)
-    standard = np.where(still, 0.0, (q - center) / scale)
-    moving = np.flatnonzero(~still).tolist()
-    if not moving:
+    readings = StandardReadings.of(q)
+    if not readings.moving:
         return None
-    single = np.ascontiguousarray(standard.T.astype(np.float32))
+    search = Search(readings.single(), np.random.default_rng(seed))
     felt = csr_array(sensation)
-    found = few.found_by_sensation(
-        Search(single, np.random.default_rng(seed)), standard, felt, moving
-    )
+    found = few.found_by_sensation(search, readings.q, felt, readings.moving)
     if found is None or not found.judgement.accepted:
         return None
     return KnownChain(
         joints=found.order,
         chain=SmoothChain(found.twists[found.order], found.point, np.inf),
         slides=found.kind[found.order] == JointKind.SLIDES,
-        center=center,
-        scale=scale,
+        center=readings.center,
+        scale=readings.scale,
         q=q,
         sensed=Sensed.of(felt),
         strength=sensation.max(axis=1),

@@ -95,9 +95,9 @@ class BodyModel(Record):
         kernel_normal: `(K, 3)` outward normal of the skin there; NaN where unknown.
         kernel_toucher: `(R,)` the toucher that made each stored touch; -1 for an outlier.
         receptor_part: `(S,)` part of each receptor; -1 where it was never met.
-        receptor_place: `(S, 3)` as of `Receptors`.
-        receptor_normal: `(S, 3)` as of `Receptors`.
-        receptor_sigma: `(S,)` as of `Receptors`.
+        receptor_place: `(S, 3)` as in `Receptors`.
+        receptor_normal: `(S, 3)` as in `Receptors`.
+        receptor_sigma: `(S,)` as in `Receptors`.
         accepted_by_part: `(P,)` bool, whether held-out touches agree with the model.
         reason: why parts were accepted or rejected, in plain sentences with figures.
         held_out: `(P,)` 0 to 1, share of the held-out touches that are no outliers and lie nearer

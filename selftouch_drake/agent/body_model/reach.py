@@ -96,7 +96,7 @@ class Reach:
         Args:
             q: `(n, J)` readings of all joints.
             place: `(n, 3)` where the centre of the ball shall be.
-            normal: `(n, 3)` as of `places`.
+            normal: `(n, 3)` as in `places`.
             limits: `(J,)` lowest and highest readings.
             scale: `(J,)` mu per unit of each reading: ways are short in mu.
             steps: that are made at most.

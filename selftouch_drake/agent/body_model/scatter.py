@@ -67,6 +67,17 @@ def _means(x, weights, means, num_kernels, members):
 
 
 @inner
+def _add_square(S, u, r0, r1, r2):
+    """Adds u times the square of a vector to the upper half of `(3, 3)` S."""
+    S[0, 0] += u * r0 * r0
+    S[0, 1] += u * r0 * r1
+    S[0, 2] += u * r0 * r2
+    S[1, 1] += u * r1 * r1
+    S[1, 2] += u * r1 * r2
+    S[2, 2] += u * r2 * r2
+
+
+@inner
 def _scatter(x, weights, means, num_kernels, members, S):
     """Weighted means of kernels, and the weighted scatter around them."""
     count = num_kernels * members
@@ -76,12 +87,7 @@ def _scatter(x, weights, means, num_kernels, members, S):
         m0, m1, m2 = means[kernel, 0], means[kernel, 1], means[kernel, 2]
         for i in range(kernel * members, (kernel + 1) * members):
             r0, r1, r2, u = x[0, i] - m0, x[1, i] - m1, x[2, i] - m2, weights[i]
-            S[0, 0] += u * r0 * r0
-            S[0, 1] += u * r0 * r1
-            S[0, 2] += u * r0 * r2
-            S[1, 1] += u * r1 * r1
-            S[1, 2] += u * r1 * r2
-            S[2, 2] += u * r2 * r2
+            _add_square(S, u, r0, r1, r2)
     scale = members / (members - 1.0) / count
     for a in range(3):
         for b in range(a, 3):
@@ -123,12 +129,7 @@ def _spread(x, weights, count, center, S):
     center[0], center[1], center[2] = center[0] / total, center[1] / total, center[2] / total
     for i in range(count):
         r0, r1, r2, u = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2], weights[i]
-        S[0, 0] += u * r0 * r0
-        S[0, 1] += u * r0 * r1
-        S[0, 2] += u * r0 * r2
-        S[1, 1] += u * r1 * r1
-        S[1, 2] += u * r1 * r2
-        S[2, 2] += u * r2 * r2
+        _add_square(S, u, r0, r1, r2)
     for a in range(3):
         for b in range(a, 3):
             S[a, b] /= total

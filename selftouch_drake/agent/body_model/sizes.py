@@ -171,7 +171,7 @@ def with_sizes(
         tests: held-out touches.
         solution: of the training touches, with points.
         random: which touches the first trial takes.
-        fixed: as of `refined`.
+        fixed: as in `refined`.
         tick: called before each step.
     """
     long = np.zeros(len(solution.points), dtype=bool)

@@ -31,7 +31,7 @@ def bulge_slopes(direction: np.ndarray) -> np.ndarray:
     """`(n, 3, 5)` derivatives of `bulge` by the coefficients of the shape.
 
     Args:
-        direction: `(n, 3)` as of `bulge`.
+        direction: `(n, 3)` as in `bulge`.
     """
     known = np.nan_to_num(direction)
     along = np.einsum("nb,kab->nak", known, SHAPE_BASIS)
@@ -123,7 +123,7 @@ def smoothed(normal: np.ndarray, near: np.ndarray, rounds: int = 2) -> np.ndarra
 
     Args:
         normal: `(K, 3)` with one side.
-        near: `(K, N)` as of `beside`.
+        near: `(K, N)` as in `beside`.
         rounds: of smoothing.
     """
     known = np.isfinite(normal).all(axis=1)
@@ -148,7 +148,7 @@ def blended_normals(
     Args:
         place: `(K, 3)` places of kernels; NaN for unknown ones and for those of other parts.
         normal: `(K, 3)` outward normals; NaN where unknown.
-        near: `(K, N)` as of `beside`.
+        near: `(K, N)` as in `beside`.
         at: `(n, 3)` places.
 
     Returns:

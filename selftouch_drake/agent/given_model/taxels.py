@@ -117,7 +117,7 @@ def told(compared: Compared, names: Sequence[str], groups: Sequence[str] | None)
 def doubts(compared: Compared, names: Sequence[str]) -> list[str]:
     """A sentence for each receptor that lies elsewhere alone; it may be felt by few touches only.
 
-    Arguments are as of `told`.
+    Arguments are as in `told`.
     """
     ringed = {n for ring in compared.cycles() for n in ring}
     found = []

@@ -127,7 +127,7 @@ class GivenWay:
         return back @ poses, back @ ends[1]
 
     def twists(self) -> tuple[np.ndarray, np.ndarray]:
-        """`(L, 6)` twists and the `(3,)` place of the toucher, all reading 0, m, as of `frames`."""
+        """`(L, 6)` twists and the `(3,)` place of the toucher, all reading 0, m, as in `frames`."""
         poses, toucher = self.frames()
         still = np.zeros_like(self.axes)
         slides = self.slides[:, None]

@@ -26,7 +26,7 @@ _NOTHING = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tree:
+class Hypothesis:
     """A hypothesis.
 
     Attributes:
@@ -53,7 +53,7 @@ class Verdict:
         new_axes: `(L,)` bool, joints whose axis is another one in the best tree.
     """
 
-    best: Tree
+    best: Hypothesis
     apart: float
     best_apart: float
     fits: bool
@@ -83,11 +83,11 @@ def judged_tree(way: GivenWay, q: np.ndarray, sensation: np.ndarray) -> Verdict:
     )
 
 
-def _trees(way: GivenWay) -> Iterator[Tree]:
+def _trees(way: GivenWay) -> Iterator[Hypothesis]:
     """The given tree, and then those that differ from it."""
     number = len(way.names)
     straight = np.arange(number)
-    yield Tree(way=way, columns=straight, text="")
+    yield Hypothesis(way=way, columns=straight, text="")
     for joint, name in enumerate(way.names):
         moves = "slides" if way.slides[joint] else "turns"
         for shift, sign in ((0, -1), (1, 1), (1, -1), (2, 1), (2, -1)):
@@ -96,7 +96,7 @@ def _trees(way: GivenWay) -> Iterator[Tree]:
             how = "the other way round" if shift == 0 else "about another axis"
             how = how.replace("about", "along") if way.slides[joint] else how
             written = " ".join(f"{part + 0.0:g}" for part in axes[joint])
-            yield Tree(
+            yield Hypothesis(
                 way=replace(way, axes=axes),
                 columns=straight,
                 text=f"joint {name} {moves} {how}: its axis is {written}",
@@ -106,14 +106,16 @@ def _trees(way: GivenWay) -> Iterator[Tree]:
         if not np.allclose(way.axes[one], way.axes[other]):
             axes = way.axes.copy()
             axes[[one, other]] = axes[[other, one]]
-            yield Tree(
+            yield Hypothesis(
                 way=replace(way, axes=axes),
                 columns=straight,
                 text=f"the axes of joints {both} are exchanged",
             )
         columns = straight.copy()
         columns[[one, other]] = columns[[other, one]]
-        yield Tree(way=way, columns=columns, text=f"the readings of joints {both} are exchanged")
+        yield Hypothesis(
+            way=way, columns=columns, text=f"the readings of joints {both} are exchanged"
+        )
 
 
 def _alike(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

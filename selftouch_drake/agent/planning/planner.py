@@ -15,6 +15,7 @@ from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.links import leap_penalty, link_lengths
+from selftouch_drake.quotient.paths import component_labels
 from selftouch_drake.quotient.plan import Limits, path_through
 from selftouch_drake.quotient.route import Query, RouteGraph, carried_route
 from selftouch_drake.quotient.smooth import KNOT_SPACING
@@ -34,10 +35,14 @@ class ModeGraph:
     Attributes:
         joints: indices of the joints that matter in the mode; only these count.
         graph: linked kernels, and their firm configurations in these joints.
+        firm_row: `(F,)` the rows in which these configurations are stored.
+        component: `(K,)` links join kernels of one component; -1 without firm configurations.
     """
 
     joints: np.ndarray
     graph: RouteGraph
+    firm_row: np.ndarray
+    component: np.ndarray
 
     @classmethod
     def of(
@@ -51,7 +56,14 @@ class ModeGraph:
         x = representation.scaled(representation.kernel_q[firm_row])[:, joints]
         offsets = np.cumsum([0, *map(len, by_kernel)])
         firm = KernelSets(x.astype(np.float32), offsets)
-        return cls(joints=joints, graph=RouteGraph.of(firm, firm_row, links))
+        is_firm = firm.sizes > 0
+        component = component_labels(links[is_firm[links].all(axis=1)], len(firm))
+        return cls(
+            joints=joints,
+            graph=RouteGraph.of(firm, links),
+            firm_row=firm_row,
+            component=np.where(is_firm, component, -1),
+        )
 
 
 class Planner:
@@ -182,7 +194,10 @@ class Planner:
 
     def _joins(self, here: int, goal: int, mode: int) -> bool:
         """Whether links of a mode, if it is known, lead from one kernel to the goal."""
-        return mode != NO_MODE and self._modes[mode].graph.joins(here, goal)
+        if mode == NO_MODE:
+            return False
+        component = self._modes[mode].component
+        return bool(component[here] == component[goal] >= 0)
 
     def _lift_off(self, way: Waypoints, goal: int, memory: RehearsalMemory) -> tuple[int, int]:
         """Moves through the air to the nearest touch of the goal; returns the goal and its mode."""
@@ -202,10 +217,9 @@ class Planner:
         """
         x, found = way.end, []
         for after, known in enumerate(self._modes):
-            graph = known.graph
-            if (component := graph.component[goal]) >= 0:
-                leads = np.repeat(graph.component == component, graph.firm.sizes)
-                found.append((self._nearest(x, graph.firm_row[leads], memory), after))
+            if (component := known.component[goal]) >= 0:
+                leads = np.repeat(known.component == component, known.graph.firm.sizes)
+                found.append((self._nearest(x, known.firm_row[leads], memory), after))
         if not found:
             members = np.r_[self.representation.members(goal)]
             found.append((self._nearest(x, members, memory), NO_MODE))

@@ -148,7 +148,7 @@ def find_faults(
     Args:
         sensation: `(n, S)` touches in the order of time, 0 where nothing is felt.
         names: S, for the evidence.
-        neighbours: `(S, S)` weights as of `neighbours_in_file`, or of an earlier recording. Without
+        neighbours: `(S, S)` weights as in `neighbours_in_file`, or of an earlier recording. Without
             them, neighbours are those that feel the same touches, and nobody knows whether a
             receptor is in the wrong place, or whether one that never feels anything is dead.
         on_place: `(S,)` touches whose joints put what touches at the place of each receptor, if a

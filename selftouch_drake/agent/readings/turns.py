@@ -10,8 +10,6 @@ from scipy.spatial import KDTree
 #: A turn in rad and in degrees. Ticks turn after a power of two.
 _TURNS = (2 * np.pi, 360.0)
 _TICKS = tuple(float(2**power) for power in range(8, 25))
-#: A range that is longer than a turn by this share is more than one turn.
-_MORE = 1.02
 #: Touches that are compared, of so many, and neighbours of each.
 _SAMPLE, _MOST, _NEIGHBOURS = 600, 20_000, 40
 #: Share of the likeness of neighbours in one turn that those of other turns must have, and the
@@ -42,11 +40,12 @@ def turning(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     if len(q) < 2 * _FEWEST:
         return found
     reach = np.ptp(q, axis=0)
-    for joint in np.flatnonzero(reach > _MORE * _TURNS[0]).tolist():
+    for joint in np.flatnonzero(reach > _TURNS[0]).tolist():
         values = q[:, joint]
         ticks = _TICKS if (values == np.round(values)).all() else ()
         for turn in (*_TURNS, *ticks):
-            if reach[joint] > _MORE * turn and _comes_back(q, sensation, joint, turn):
+            # Within a turn and a little, too few touches are a turn apart to be compared.
+            if reach[joint] > turn and _comes_back(q, sensation, joint, turn):
                 found[joint] = turn
                 break
     return found
@@ -57,7 +56,7 @@ def within_a_turn(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
     Args:
         q: `(n, J)`.
-        turn: `(J,)` as of `turning`.
+        turn: `(J,)` as in `turning`.
     """
     if not (turn > 0).any():
         return q

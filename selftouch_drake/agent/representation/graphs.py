@@ -1,7 +1,6 @@
 """The quotient graph for other tools."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +18,13 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
     Nodes also have the attribute `part` and, of a representation with an embedding, `position`,
     `(3,)` in the embedding of their part.
     """
-    nodes: dict[str, Sequence[Any]] = {"part": representation.part.tolist()}
+    import networkx as nx  # not needed to plan
+
+    graph = quotient_graph.to_networkx(representation, complete=complete)
+    nx.set_node_attributes(graph, dict(enumerate(representation.part.tolist())), "part")
     if isinstance(representation, EmbeddedRepresentation):
-        nodes["position"] = list(representation.embedding)
-    return quotient_graph.to_networkx(representation, complete=complete, nodes=nodes)
+        nx.set_node_attributes(graph, dict(enumerate(representation.embedding)), "position")
+    return graph
 
 
 def without_vectors(graph: "nx.Graph") -> "nx.Graph":

@@ -12,7 +12,7 @@ from selftouch_drake.agent.representation.reservoir import KernelSample
 from selftouch_drake.agent.representation.sorting import Progress, sorted_into_kernels
 from selftouch_drake.agent.representation.touches import kernel_parts
 from selftouch_drake.quotient.distances import set_distances
-from selftouch_drake.quotient.graph import QuotientGraph, quotient_graph
+from selftouch_drake.quotient.graph import QuotientGraph, combined_distance, quotient_graph
 from selftouch_drake.quotient.kernels import KernelSets
 from selftouch_drake.quotient.learn import Sizes
 from selftouch_drake.quotient.sensations import unlike
@@ -126,8 +126,9 @@ def joined(
     The sets are those of the rows of the sample (columns q, strength, error), scaled, mu, with the
     joints that matter; `(K, K)` mu is their distance, targets are `(K, S)` and parts `(K,)`.
     """
-    apart = part[:, None] != part
-    return quotient_graph(sets, sample.columns["strength"], distance, targets, apart)
+    combined = combined_distance(distance, targets)
+    combined[part[:, None] != part] = np.inf
+    return quotient_graph(sets, sample.columns["strength"], combined)
 
 
 def represented(

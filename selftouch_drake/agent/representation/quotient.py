@@ -106,14 +106,11 @@ class QuotientRepresentation(Representation, Record):
         """
         return max(int(np.sum(np.bincount(self.part) >= LEAST_OF_PART)), 1)
 
-    @property
-    def apart(self) -> np.ndarray:
-        """`(K, K)` bool, pairs of kernels on different parts: no edge and no link joins them."""
-        return self.part[:, None] != self.part
-
     def step_links(self) -> np.ndarray:
         """`(L, 2)` the kernels between which plans may step; they are of one part."""
-        return step_links(self.target_sensations, self.edges, self.apart)
+        links = step_links(self.target_sensations, self.edges)
+        i, j = links.T
+        return links[self.part[i] == self.part[j]]
 
     @property
     def kernel_sets(self) -> KernelSets:

@@ -54,7 +54,7 @@ def is_rosbag_folder(path: Path) -> bool:
 def read_columns(files: Sequence[Path], delimiter: str | None) -> Contents:
     """All columns of a file, or of several `.npy` files that hold one array each.
 
-    The delimiter is as of `read_recording`.
+    The delimiter is as in `read_recording`.
 
     Raises:
         RecordingError: a file is damaged, or the delimiter is more than one character.

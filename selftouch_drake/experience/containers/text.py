@@ -72,7 +72,7 @@ class _Form:
 
 
 def read_text_table(path: Path, delimiter: str | None) -> TextTable:
-    """Reads a table; the delimiter is as of `read_recording`.
+    """Reads a table; the delimiter is as in `read_recording`.
 
     Raises:
         RecordingError: the delimiter is more than one character, or rows do not fit the header.

@@ -109,10 +109,20 @@ def test_the_finish_is_no_screw_and_holds_what_slides():
     assert np.linalg.matrix_rank(covariance, tol=1e-9 * np.trace(covariance)) == 3 * 5 + 3 + 3 - 7
 
 
-def test_a_hundred_and_fifty_touches_make_a_body():
-    q, sensation, _, (all_q, all_y) = sample(150)
-    order, unit = [2, 0, 3, 1], np.array([57.3, 1, -100, 1])
-    model = found(q[:, order] * unit, sensation)
+#: Joints in another order, in other units.
+ORDER, UNIT = [2, 0, 3, 1], np.array([57.3, 1, -100, 1])
+
+
+@pytest.fixture(scope="module")
+def of_few():
+    """The model of 150 touches of an arm whose joints are shuffled."""
+    q, sensation, _, _ = sample(150)
+    return found(q[:, ORDER] * UNIT, sensation)
+
+
+def test_a_hundred_and_fifty_touches_make_a_body(of_few):
+    model, order, unit = of_few, ORDER, UNIT
+    _, _, _, (all_q, all_y) = sample(150)
     assert model.accepted, model.reason
     assert "left out in turn" in model.reason
     place = model.place(all_q[:, order] * unit, np.zeros(len(all_q), dtype=int))
@@ -163,9 +173,9 @@ def test_too_few_are_said_to_be_too_few():
     assert "45 touches are too few for 16 parameters (48 needed)" in model.reason
 
 
-def test_threads_change_nothing():
-    q, sensation, _, _ = sample(120)
+def test_threads_change_nothing(of_few):
+    q, sensation, _, _ = sample(150)
     with ThreadPoolExecutor(2) as pool:
-        one, two = found(q, sensation), found(q, sensation, each=pool.map)
+        other = found(q[:, ORDER] * UNIT, sensation, each=pool.map)
     for name in ("twists", "twist_sigma", "kernel_place", "receptor_place", "held_out"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+        np.testing.assert_array_equal(getattr(of_few, name), getattr(other, name))

@@ -85,7 +85,7 @@ def test_a_hand_that_came_later_than_a_part_touches_it_if_that_explains_more():
     links, end = links.extended(0, [4, 5, 6, 7], forwards=True)
     links = replace(links, toucher={**links.toucher, 1: end})
     twists, points = np.concatenate([arm[0] for arm in arms]), np.array([arm[1] for arm in arms])
-    body = forest.Body(links, twists, points, ((0, 0),))
+    body = forest.Mechanism(links, twists, points, ((0, 0),))
     random = np.random.default_rng(0)
     assert forest.with_late_touchers(scene, body, random).pairs == ((0, 0), (0, 1))
     # A hand that explains nothing is left out.

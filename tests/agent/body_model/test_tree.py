@@ -8,7 +8,13 @@ from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import limbs, who_touched
 from selftouch_drake.agent.body_model.find import _commuting
 from selftouch_drake.agent.body_model.fit import Group, random_twists
-from selftouch_drake.agent.body_model.forest import Body, Links, hung, similarity, twist_similarity
+from selftouch_drake.agent.body_model.forest import (
+    Links,
+    Mechanism,
+    hung,
+    robust_similarity,
+    twist_similarity,
+)
 from selftouch_drake.agent.body_model.model import BASE
 from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.tree import Tree, for_readings
@@ -74,7 +80,7 @@ def test_frames_are_found_from_points_and_from_twists(hand):
     twists, points = random_twists(random, 4), random.standard_normal((30, 3))
     moved = points @ motion[:3, :3].T + motion[:3, 3]
     moved[:3] += 5
-    assert similarity(points, moved) == pytest.approx(motion, abs=1e-9)
+    assert robust_similarity(points, moved) == pytest.approx(motion, abs=1e-9)
     assert twist_similarity(twists, adjoint(motion, twists)) == pytest.approx(motion, abs=1e-9)
 
 
@@ -111,7 +117,7 @@ def test_a_skin_is_hung_where_it_explains_most_touches():
     q, target, _, (twists, point) = a_scene_of_two_arms()
     both = np.concatenate([twists, twists])
     links = Links({j: (0 if j in (0, 4) else j, j + 1) for j in range(8)}, 9, {}, {0: 4, 1: 8})
-    body = Body(links, both, np.stack([point, point]), ())
+    body = Mechanism(links, both, np.stack([point, point]), ())
     scene = Scene(q, target, np.zeros(target.max() + 1, dtype=int), {})
     share, found = hung(scene, body, 0, np.random.default_rng(0))
     assert found.links.part == {0: 0}

@@ -9,6 +9,8 @@ from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
+#: Where only what is remembered is asked for.
+ONLY_TOUCHES = pytest.mark.usefixtures("without_networks")
 
 
 def lived(q, sensation, *, chunk=250, num_targets=60, **settings):
@@ -52,6 +54,7 @@ def test_it_knows_what_the_offline_learner_knows():
 
 
 @pytest.mark.slow
+@ONLY_TOUCHES
 def test_touches_of_a_hand_with_skin_are_remembered_for_either_side():
     q, sensation, skin, place = touch(["sphere", "tube"], 6000, hand="cap")
     learner = lived(q, sensation, num_targets=120, max_kernel_size=60)
@@ -80,6 +83,7 @@ def test_the_same_chunks_give_the_same_bytes_whenever_it_is_asked():
     assert (one.kernel_sensation != other.kernel_sensation).nnz == 0
 
 
+@ONLY_TOUCHES
 def test_what_was_felt_belongs_to_the_configurations():
     q, sensation, *_ = touch(["sphere"], 1000)
     learner = lived(q, sensation)
@@ -93,6 +97,7 @@ def test_what_was_felt_belongs_to_the_configurations():
     np.testing.assert_allclose(representation.kernel_q, q[representation.kernel_row], atol=1e-6)
 
 
+@ONLY_TOUCHES
 def test_new_places_get_targets_and_old_targets_keep_their_numbers():
     q, sensation, _, place = touch(["sphere"], 4000)
     north = place[:, 2] > 0
@@ -108,6 +113,7 @@ def test_new_places_get_targets_and_old_targets_keep_their_numbers():
     assert np.quantile(felt.max(axis=1), 0.1) > 0.5
 
 
+@ONLY_TOUCHES
 def test_the_work_for_a_touch_does_not_grow(monkeypatch):
     """Number of touches used to choose targets, and of measured kernels, in a long life."""
     q, sensation, *_ = touch(["sphere"], 9_000, num_receptors=20)

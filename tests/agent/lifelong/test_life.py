@@ -43,6 +43,7 @@ def test_a_displacement_is_learned_again(touches, unbent):
     assert life.learner.num_touches == len(moved) + 1500
 
 
+@pytest.mark.usefixtures("without_networks")
 def test_new_receptors_are_filled_in_again(touches):
     sensation = touches.sensation.copy()
     sensation[:5000, [7, 8]] = 0.0

@@ -59,7 +59,7 @@ def _small_networks():
 @pytest.fixture(scope="module")
 def known():
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (200_000, 6))
-    return met(q[(radius(q) > CORE) & (radius(q) < SKIN)][:4500])
+    return met(q[(radius(q) > CORE) & (radius(q) < SKIN)][:3600])
 
 
 @pytest.fixture(scope="module")
@@ -110,9 +110,9 @@ def test_modes_share_the_steps_that_show_the_need_and_no_others(known, monkeypat
     trained = []
     monkeypatch.setattr(touch_model, "train", lambda *given: trained.append(given[-1]))
     monkeypatch.setattr(touch_model, "_sees_need", lambda *given: True)
-    monkeypatch.setattr(touch_model, "_MOST_STEPS", 450)
+    monkeypatch.setattr(touch_model, "_MOST_STEPS", 360)
     TouchModel.learn(two_modes, lambda: sensation)
-    assert trained == [300, 450, 450, 450, 150, 450, 450, 450]
+    assert trained == [240, 360, 360, 360, 120, 360, 360, 360]
 
 
 def test_a_way_known_by_heart_is_not_taken_for_the_skin(monkeypatch):

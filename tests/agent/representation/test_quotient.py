@@ -2,8 +2,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from by_hand import ring_by_hand
 
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.quotient.links import step_links
 
 # Files and users of the package rely on these names.
 CONTRACT = {
@@ -107,3 +109,13 @@ def test_some_kernels_alone_keep_their_rows_and_edges(representation):
     np.testing.assert_array_equal(alone.edge_cost, representation.edge_cost[inside])
     assert alone.set_distance[1, 2] == representation.set_distance[40, 41]
     assert representation.restricted(np.arange(120)) is representation
+
+
+def test_nothing_links_two_parts():
+    ring = ring_by_hand(20, links=[(0, 9)])
+    two = dataclasses.replace(ring, part=np.repeat([0, 1], 10))
+    free = step_links(two.target_sensations, two.edges)
+    crossing = two.part[free[:, 0]] != two.part[free[:, 1]]
+    assert crossing.any()
+    assert two.step_links().tolist() == free[~crossing].tolist()
+    assert [0, 9] in two.step_links().tolist()

@@ -7,6 +7,8 @@ from bodies_by_hand import sphere
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape.recovery import LEAST_MARGIN, MOST_ERROR, recover, unevenness
 
+pytestmark = pytest.mark.usefixtures("module_without_networks")
+
 
 def touched(num_touches, noise):
     """A learned unit sphere, each reading wrong by some share."""
@@ -19,7 +21,7 @@ def touched(num_touches, noise):
 
 
 @pytest.fixture(scope="module")
-def body():
+def body(module_without_networks):
     return recover(touched(8_000, 0.0), "sensorimotor")
 
 

@@ -9,12 +9,14 @@ from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, locally_scaled
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
 from selftouch_drake.experiment import schema
 from selftouch_drake.quotient.dimension import intrinsic_dimension
-from selftouch_drake.quotient.graph import neighbour_edges, surface_neighbours
+from selftouch_drake.quotient.graph import combined_distance, neighbour_edges
 from selftouch_drake.quotient.holes import topology
+
+pytestmark = pytest.mark.usefixtures("module_without_networks")
 
 
 @pytest.fixture(scope="module")
-def touched():
+def touched(module_without_networks):
     """A learned unit sphere; the first three joints are the place touched."""
     rng = np.random.default_rng(0)
     place, receptors = sphere(12_000), sphere(40)
@@ -166,8 +168,8 @@ def test_sensations_keep_edges_on_the_surface(touched):
     distance[0, far] = distance[far, 0] = np.sort(distance[0])[8]
     pair = sorted([0, int(far)])
     assert pair in neighbour_edges(distance).tolist()
-    targets, part = representation.target_sensations, representation.part
-    assert pair not in surface_neighbours(distance, targets, part)[0].tolist()
+    combined = combined_distance(distance, representation.target_sensations)
+    assert pair not in neighbour_edges(combined).tolist()
 
 
 @pytest.mark.usefixtures("bodies")

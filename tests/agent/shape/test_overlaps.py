@@ -7,6 +7,8 @@ from selftouch_drake.agent.representation.touches import expected_readings, rece
 from selftouch_drake.agent.shape.overlaps import overlap_lengths
 from selftouch_drake.agent.shape.recovery import recover
 
+pytestmark = pytest.mark.usefixtures("module_without_networks")
+
 PLACE, RECEPTORS = sphere(8000), sphere(60)
 FORCE = np.clip(PLACE @ RECEPTORS.T - 0.75, 0.0, None).astype(np.float32)
 

@@ -7,9 +7,11 @@ from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
 from selftouch_drake.agent.shape.surface import fitted_surface
 
+pytestmark = pytest.mark.usefixtures("module_without_networks")
+
 
 @pytest.fixture(scope="module")
-def three():
+def three(module_without_networks):
     """A sphere, a bowl and a tube, and the true position of each kernel."""
     q, sensation, skin, place = touch(["sphere", "cap", "tube"], 30_000)
     representation = QuotientLearner(420, random_state=0).fit(sensation, q).representation_
