@@ -64,8 +64,12 @@ class PartSurface:
         # Vertices have fewer faces than there are columns.
         far = np.where(faces < 0, np.inf, np.linalg.norm(on - places[:, None], axis=2))
         each, best = np.arange(len(places)), far.argmin(axis=1)
-        nearest, normal = on[each, best], mesh.face_normals[faces[each, best]]
-        at_rim = np.isin(mesh.faces[faces[each, best]], rim(mesh)).any(axis=1)
+        nearest, found = on[each, best], faces[each, best]
+        # As vertices are raised, between them: faces at an edge look past it.
+        share = lazy_trimesh.triangles.points_to_barycentric(mesh.triangles[found], nearest)
+        normal = np.einsum("nv,nvi->ni", share, mesh.vertex_normals[mesh.faces[found]])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        at_rim = np.isin(mesh.faces[found], rim(mesh)).any(axis=1)
         height = np.einsum("ni,ni->n", places - nearest, normal)[:, None]
         return np.where(at_rim[:, None], places - height * normal, nearest), normal
 
