@@ -1,16 +1,13 @@
 """Whether the standard errors of a body model hold: how often the truth lies within two of them.
 
     python benchmarks/accuracy/standard_errors.py --seeds 0 1 2 3 4 5 6 7 8 9
-    python benchmarks/accuracy/standard_errors.py --lengths --seeds 8 9 10 11 12 13 14 15
 
 Only what has no gauge can be compared: angles between neighbouring axes, ratios of distances
-between them, and how far a joint turns per unit of its reading. The bodies are made up, of four to
-nine joints; the fit begins at the truth, because what is asked here is what touches tell, not
-whether the search finds the body.
-
-With --lengths it is asked of the scale that `selftouch model --length` takes from the true distance
-of two axes where all readings are 0: it is compared with that of the similarity which takes the
-touches' places nearest to the true ones.
+between them, and how far a joint turns per unit of its reading. And the scale that `selftouch model
+--length` takes from the true distance of any two axes: it is compared with that of the similarity
+which takes the places of touches nearest to the true ones. The bodies are made up, of four to nine
+joints; the fit begins at the truth, because what is asked here is what touches tell, not whether
+the search finds the body.
 """
 
 import argparse
@@ -32,7 +29,7 @@ from selftouch_drake.agent.body_model.who_touched import started
 from selftouch_drake.evaluation.body_model import Similarity
 from selftouch_drake.export.unit import axes_apart, unit_from_joints
 
-NAMES = ("angle", "distance", "turn")
+NAMES = ("angle", "distance", "turn", "scale")
 
 
 def standardised(made: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
@@ -102,12 +99,19 @@ def fitted(made: Case) -> Fitted:
 def scores(made: Case) -> tuple[np.ndarray, np.ndarray]:
     """How many standard errors each value lies from the truth, and its kind."""
     fit = fitted(made)
-    return compared(fit.solution, fit.spread, fit.twists, fit.order)
+    z, kinds = compared(fit.solution, fit.spread, fit.twists, fit.order)
+    of_scale = scale_scores(fit, made.place)
+    kinds = np.append(kinds, np.full(len(of_scale), NAMES.index("scale")))
+    return np.append(z, of_scale), kinds
 
 
-def length_scores(made: Case) -> np.ndarray:
-    """How many standard errors the scale by each two axes lies from the truth."""
-    fit = fitted(made)
+def scale_scores(fit: Fitted, true: np.ndarray) -> np.ndarray:
+    """How many standard errors the scale by each two axes lies from the truth.
+
+    Args:
+        fit: of the touches.
+        true: `(n, 3)` their places.
+    """
     number, rows = len(fit.twists), len(fit.scene.q)
     turning = np.linalg.norm(fit.twists[:, :3], axis=1) > 1e-9
     kind = np.where(turning, JointKind.TURNS, JointKind.SLIDES).astype(int)
@@ -119,7 +123,7 @@ def length_scores(made: Case) -> np.ndarray:
     )  # fmt: skip
     model = assembled(found, joint_names=names, num_rows=rows, sensation=None)
     places = model.place(fit.scene.q, fit.scene.target)
-    scale = Similarity.fitted(places, made.place).scale
+    scale = Similarity.fitted(places, true).scale
     apart = []
     for pair in itertools.combinations(np.flatnonzero(turning).tolist(), 2):
         first, second = (names[joint] for joint in pair)
@@ -155,30 +159,7 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=list(range(12)))
     parser.add_argument("--touches", type=int, default=8000)
     parser.add_argument("--kernels", type=int, default=300)
-    parser.add_argument("--lengths", action="store_true", help="the scale by two axes instead")
     args = parser.parse_args()
-    if args.lengths:
-        print_lengths(args)
-    else:
-        print_values(args)
-
-
-def print_lengths(args: argparse.Namespace) -> None:
-    """Prints how often errors of the scale hold: of each body, and of all."""
-    every = []
-    for seed in args.seeds:
-        made = case("right", seed, touches=args.touches, kernels=args.kernels)
-        z = length_scores(made)
-        every.append(z)
-        within = np.sum(np.abs(z) < 2)
-        print(f"seed {seed:3d}  {made.what}: {within} of {len(z)} within two", flush=True)
-    z = np.concatenate(every)
-    rms = np.sqrt((z**2).mean())
-    print(f"lengths   {np.mean(np.abs(z) < 2):.1%} of {len(z)} within two, rms {rms:.2f}")
-
-
-def print_values(args: argparse.Namespace) -> None:
-    """Prints how often errors of angles, ratios and turns hold."""
     every: list[tuple[np.ndarray, np.ndarray]] = []
     for seed in args.seeds:
         made = case("right", seed, touches=args.touches, kernels=args.kernels)

@@ -21,7 +21,7 @@ _STEP = 1e-6
 # Covariances are too sure by so much: lengths of eight bodies that are made up were within two
 # standard errors in 87 % (`benchmarks/accuracy/standard_errors.py --seeds 0 1 2 3 4 5 6 7`).
 _TOO_SURE = 1.4
-# Of the depth, by which receptors are raised: at edges and tips touches are less deep than elsewhere.
+# Of the depth by which receptors are raised: at edges touches are less deep than elsewhere.
 # On a cube distances over edges were 3 % too long, and claims without it 1.7 %.
 _DEPTH_OFF = 0.3
 # A scale that is less exact than this, relatively, is told badly, if others are better by a factor.
