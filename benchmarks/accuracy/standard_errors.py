@@ -18,7 +18,7 @@ import numpy as np
 from made_up_bodies import Case, case
 
 from selftouch_drake.agent.body_model.assemble import Found, assembled
-from selftouch_drake.agent.body_model.chain import shifted
+from selftouch_drake.agent.body_model.chain import adjoint, shifted
 from selftouch_drake.agent.body_model.fit import chain_way
 from selftouch_drake.agent.body_model.model import JointKind
 from selftouch_drake.agent.body_model.refine import moved_by, refined
@@ -123,15 +123,20 @@ def scale_scores(fit: Fitted, true: np.ndarray) -> np.ndarray:
     )  # fmt: skip
     model = assembled(found, joint_names=names, num_rows=rows, sensation=None)
     places = model.place(fit.scene.q, fit.scene.target)
-    scale = Similarity.fitted(places, true).scale
-    apart = []
+    onto = Similarity.fitted(places, true)
+    # In the model's frame: where nearly parallel axes are measured depends on its origin.
+    back = np.eye(4)
+    back[:3, :3] = onto.rotation.T / onto.scale
+    back[:3, 3] = -back[:3, :3] @ onto.shift
+    true_twists, apart = adjoint(back, fit.twists), []
     for pair in itertools.combinations(np.flatnonzero(turning).tolist(), 2):
         first, second = (names[joint] for joint in pair)
         try:
-            unit = unit_from_joints(model, first, second, axes_apart(fit.twists[list(pair)]))
+            length = onto.scale * axes_apart(true_twists[list(pair)])
+            unit = unit_from_joints(model, first, second, length)
         except ValueError:  # axes that meet, or nearly so
             continue
-        apart.append((unit.metres - scale) / unit.sigma)
+        apart.append((unit.metres - onto.scale) / unit.sigma)
     return np.array(apart)
 
 

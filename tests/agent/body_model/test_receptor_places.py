@@ -68,3 +68,16 @@ def test_of_little_nothing_is_told(touches, receptors):
     found, sigma = middles_of_fields(y, csr_array(felt_at(y, skin())[:, :receptors]), start)
     np.testing.assert_array_equal(found, start)
     assert np.isnan(sigma).all()
+
+
+def on_an_arc(x):
+    return 8.0 * np.column_stack([np.sin(x / 8.0), np.cos(x / 8.0), np.zeros(len(x))])
+
+
+def test_in_a_plane_receptors_stay_on_the_line_that_is_the_skin():
+    receptors = on_an_arc(np.arange(24.0))
+    y = on_an_arc(23.0 * np.random.default_rng(2).beta(0.8, 1.2, 900))
+    felt = felt_at(y, receptors)
+    found, _ = middles_of_fields(y, csr_array(felt), means(y, felt))
+    off_the_line = np.linalg.norm(found, axis=1) - 8.0
+    assert np.abs(off_the_line).max() < 0.15 * SPACING
