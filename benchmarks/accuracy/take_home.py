@@ -10,10 +10,10 @@ a folder is a run that has learned. The body is exported with one known length, 
 two joints whose axes are farthest apart, and with the touchers' mean depth, as the experimenter
 knows them. Printed are the error of the scale and its standard error in %, and, after a rigid
 motion alone, root mean squares in mm: of the touchers' centres over all touches, as the joints
-carry them; of the centres of balls that touch where the touchers do; and of the surface's vertices
-from the true surface; of several skins the worst. A fist's centre and radius are those of the
-smooth shape nearest to it (see `Form`). Parts that were rejected are not exported, as for a user,
-unless all were.
+carry them; of the centres of balls that touch where the touchers do; of the surface's vertices
+from the true surface; and of receptors on it; of several skins the worst. A fist's centre and
+radius are those of the smooth shape nearest to it (see `Form`). Parts that were rejected are not
+exported, as for a user, unless all were.
 
 With --again the export becomes an experiment, on which the agent babbles and learns anew. Printed
 are its errors relative to those of the first run, and the contact of plans that `selftouch
@@ -65,6 +65,8 @@ from benchmarks.shared.babbled import learned
 
 #: Of the errors that `selftouch evaluate` prints, those of which the export keeps a share.
 SHAPE = ("body_model_place_error_percent", "surface_rms_fraction", "shape_rms_fraction")
+#: Of the errors of a part, those that are printed.
+COLUMNS = ("centre", "ball", "surface", "receptors")
 #: Samples about a point whose triangles are searched for the nearest place.
 _NEAR = 6
 
@@ -211,12 +213,14 @@ class PartError:
         centre: m, root mean square of the touchers' centres.
         ball: m, that of the centres of balls which touch where touchers do.
         surface: m, that of the surface's vertices from the true surface; NaN if there is none.
+        receptors: m, that of the receptors on it that were met.
     """
 
     scale: float
     centre: float
     ball: float
     surface: float
+    receptors: float
 
 
 def part_errors(
@@ -233,13 +237,17 @@ def part_errors(
         known = np.isfinite(ball).all(axis=1)
         here, ball, centre = here[known], ball[known], centre[known]
         onto = rigidly(centre, true.centre[here])
-        surface = skin_surface(world, np.bincount(true.skin[here]).argmax())
-        mesh = found.surface(part)
+        worn = np.bincount(true.skin[here]).argmax()
+        surface, mesh = skin_surface(world, worn), found.surface(part)
+        receptor = found.receptors(part) + found.surface_depth * found.model.receptor_normal
+        met = np.flatnonzero(np.isfinite(receptor).all(axis=1) & (world.receptor_skin == worn))
+        p_LS = np.concatenate([skin.fields.p_LS for skin in world.skins])[met]
         yield PartError(
             scale=Similarity.fitted(centre, true.centre[here]).scale,
             centre=rms(onto(centre) - true.centre[here]),
             ball=rms(onto(ball) - true.ball[here]),
             surface=np.nan if mesh is None else rms(above(surface, onto(mesh.vertices))[0]),
+            receptors=rms(onto(receptor[met]) - p_LS),
         )
 
 
@@ -263,9 +271,7 @@ def print_export(run: RunDirectory, world: World, true: Touched, known: Known) -
     found = exported_model(run, known, rejected=not accepted.any())
     errors = list(part_errors(found, world, true, q, target))
     scale = np.mean([error.scale for error in errors])
-    worst = [
-        max(getattr(error, name) for error in errors) for name in ("centre", "ball", "surface")
-    ]
+    worst = [max(getattr(error, name) for error in errors) for name in COLUMNS]
     assert known.length is not None
     print(
         f"{run.path.name:>20} {100 * (1 / scale - 1):8.2f} "
@@ -361,7 +367,7 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="learn on the export, and plan there")
     parser.add_argument("--pairs", type=int, default=20, help="plans that are made on the export")
     args = parser.parse_args()
-    titles = " ".join(f"{title:>10}" for title in ("centres mm", "balls mm", "surface mm"))
+    titles = " ".join(f"{title + ' mm':>10}" for title in COLUMNS)
     print(f"{'run':>20} {'scale %':>8} {'claimed':>8} {titles}  length")
     for name, seed in itertools.product(args.names, args.seeds):
         if Path(name).is_dir():

@@ -118,19 +118,18 @@ def middles_of_fields(
         NaN, where there are too few receptors or touches.
     """
     count = len(start)
-    total = np.asarray(felt.sum(axis=1)).ravel()
-    kept = np.flatnonzero(total > 0)
+    kept = np.flatnonzero(np.asarray(felt.sum(axis=1)).ravel() > 0)
     if count < _FEWEST_RECEPTORS or len(kept) < _FEWEST_TOUCHES:
         return start, np.full(count, np.nan)
     kept = kept[_evenly(y[kept], _TOUCHES)]
     # Receptors overlap with their next ones.
     size = float(np.median(cKDTree(start).query(start, k=4)[0][:, 3])) / np.sqrt(2.0)
     size = max(size, 1e-9 * float(np.ptp(y, axis=0).max()))
-    y, begun, felt = y[kept] / size, start / size, csr_array(felt)[kept].toarray()
+    y, begun, pressed = y[kept] / size, start / size, np.maximum(felt[kept].toarray(), 0.0)
     tree, middle, width = cKDTree(y), begun, 0.0
     for _ in range(_ROUNDS):
         near = cKDTree(middle).query(y, k=min(_NEAREST, count))[1]
-        share = np.take_along_axis(felt, near, axis=1)
+        share = np.take_along_axis(pressed, near, axis=1)
         some = share.sum(axis=1) > 0
         if not some.any():
             return start, np.full(count, np.nan)
