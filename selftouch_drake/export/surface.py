@@ -69,9 +69,9 @@ class PartSurface:
         share = lazy_trimesh.triangles.points_to_barycentric(mesh.triangles[found], nearest)
         normal = np.einsum("nv,nvi->ni", share, mesh.vertex_normals[mesh.faces[found]])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        at_rim = np.asarray(np.isin(mesh.faces[found], rim(mesh))).any(axis=1)
+        at_rim = np.isin(mesh.faces[found], rim(mesh)).any(axis=1, keepdims=True)
         height = np.einsum("ni,ni->n", places - nearest, normal)[:, None]
-        return np.where(at_rim[:, None], places - height * normal, nearest), normal
+        return np.where(at_rim, places - height * normal, nearest), normal
 
 
 def part_surface(
