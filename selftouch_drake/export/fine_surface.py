@@ -119,9 +119,14 @@ def _evened(mesh: "trimesh.Trimesh", vertices: np.ndarray, normals: np.ndarray) 
     """Vertices, moved along the surface towards the middle of their neighbours; rims stay."""
     step = _beside(mesh, vertices) - vertices
     step -= np.einsum("vi,vi->v", step, normals)[:, None] * normals
-    once = lazy_trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)
-    step[np.unique(np.asarray(mesh.edges)[once])] = 0.0
+    step[rim(mesh)] = 0.0
     return vertices + _EVENING * step
+
+
+def rim(mesh: "trimesh.Trimesh") -> np.ndarray:
+    """Numbers of the vertices at which a surface ends."""
+    once = lazy_trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)
+    return np.unique(np.asarray(mesh.edges)[once])
 
 
 def _beside(mesh: "trimesh.Trimesh", values: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.support import bulge
 from selftouch_drake.agent.shape.surface import fitted_surface
-from selftouch_drake.export.fine_surface import fitted_to_touches
+from selftouch_drake.export.fine_surface import fitted_to_touches, rim
 from selftouch_drake.lazy import trimesh as lazy_trimesh
 from selftouch_drake.quotient.holes import topology
 
@@ -50,7 +50,10 @@ class PartSurface:
         return PartSurface(mesh=mesh, below=metres * self.below)
 
     def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(n, 3)` where on average the centre passes nearest to places, and outward normals."""
+        """`(n, 3)` where on average the centre passes nearest to places, and outward normals.
+
+        Beyond a rim the surface goes on as a plane does: receptors lie where no toucher came.
+        """
         mesh = self.raised(0.0)
         about = cKDTree(mesh.vertices).query(places, min(_ABOUT, len(mesh.vertices)))[1]
         faces = mesh.vertex_faces[about].reshape(len(places), -1)
@@ -61,7 +64,14 @@ class PartSurface:
         # Vertices have fewer faces than there are columns.
         far = np.where(faces < 0, np.inf, np.linalg.norm(on - places[:, None], axis=2))
         each, best = np.arange(len(places)), far.argmin(axis=1)
-        return on[each, best], mesh.face_normals[faces[each, best]]
+        nearest, found = on[each, best], faces[each, best]
+        # As vertices are raised, between them: faces at an edge look past it.
+        share = lazy_trimesh.triangles.points_to_barycentric(mesh.triangles[found], nearest)
+        normal = np.einsum("nv,nvi->ni", share, mesh.vertex_normals[mesh.faces[found]])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        at_rim = np.isin(mesh.faces[found], rim(mesh)).any(axis=1, keepdims=True)
+        height = np.einsum("ni,ni->n", places - nearest, normal)[:, None]
+        return np.where(at_rim, places - height * normal, nearest), normal
 
 
 def part_surface(

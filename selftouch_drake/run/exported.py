@@ -33,7 +33,13 @@ from selftouch_drake.export.tables import (
     joint_rows,
     receptor_rows,
 )
-from selftouch_drake.export.unit import Unit, extent, unit_from_joints, unit_from_receptors
+from selftouch_drake.export.unit import (
+    Unit,
+    better_joints,
+    extent,
+    unit_from_joints,
+    unit_from_receptors,
+)
 from selftouch_drake.export.urdf import urdf_text
 from selftouch_drake.export.xml_text import MADE_UP
 from selftouch_drake.files import write_csv, write_text_whole, written_whole
@@ -169,6 +175,7 @@ def exported_model(run: RunDirectory, known: Known, *, rejected: bool = False) -
     comments = [
         f"made by selftouch from the body model of {run.path.name}: {headline(model)}",
         unit.text(),
+        *([better] if (better := better_joints(found, unit)) else []),
         *_told(known),
         *_moved_by(pure.shift / extent(model)),
     ]

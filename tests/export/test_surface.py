@@ -4,9 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+import trimesh
 from made_up import made_up_model, sphere_points
 
-from selftouch_drake.export.surface import part_surface, toucher_surface, with_receptors_on
+from selftouch_drake.export.surface import (
+    PartSurface,
+    part_surface,
+    toucher_surface,
+    with_receptors_on,
+)
 
 
 def on_a_ball(keep=lambda normal: np.ones(len(normal), dtype=bool), number=300):
@@ -84,3 +90,11 @@ def test_a_toucher_is_a_ball_or_what_its_shape_says():
     np.testing.assert_allclose(
         toucher_surface(shape, 0.01).extents, [0.024, 0.016, 0.02], atol=1e-4
     )
+
+
+def test_a_receptor_where_no_toucher_came_lies_where_the_surface_would_go_on():
+    box = trimesh.creation.box((2, 2, 1))
+    top = box.submesh([box.face_normals[:, 2] > 0.9], append=True)
+    places, normals = PartSurface(mesh=top).nearest(np.array([[1.5, 0.2, 0.7], [0.3, 0.2, 0.1]]))
+    np.testing.assert_allclose(places, [[1.5, 0.2, 0.5], [0.3, 0.2, 0.5]], atol=1e-12)
+    np.testing.assert_allclose(normals, [[0, 0, 1], [0, 0, 1]], atol=1e-12)

@@ -7,7 +7,12 @@ import pytest
 from made_up import made_up_model, twist
 
 from selftouch_drake.agent.body_model.model import independent
-from selftouch_drake.export.unit import Unit, unit_from_joints, unit_from_receptors
+from selftouch_drake.export.unit import (
+    Unit,
+    better_joints,
+    unit_from_joints,
+    unit_from_receptors,
+)
 
 NAMES = ["skin[0]", "skin[1]", "skin[2]", "skin[3]", "skin[4]"]
 
@@ -111,3 +116,17 @@ def test_an_unknown_unit_is_said_to_be_arbitrary():
     assert "arbitrary unit" in Unit().text()
     known = Unit(metres=0.5, sigma=0.005, known=True, source="two axes are 1 m apart")
     assert known.text().endswith("relative standard error of the scale: 0.01")
+
+
+def test_a_length_that_tells_the_scale_badly_names_joints_that_tell_it_better():
+    model = with_axes(twist([0, 0, 1]), twist([0, 0, 1], (0.1, 0, 0)), sigma=0.002)
+    bad = unit_from_joints(model, "neck", "left_shoulder", 0.1)
+    assert bad.sigma / bad.metres > 0.03
+    said = better_joints(model, bad)
+    named = said.split("axes of ")[1].split(" would")[0].split(" and ")
+    good = unit_from_joints(model, *named, 1.0)
+    assert good.sigma / good.metres < bad.sigma / bad.metres / 1.5
+    assert said.endswith(f"error of {good.sigma / good.metres:.2g}")
+    # Nothing tells it better than they do, and nothing is said without a length.
+    assert better_joints(model, good) == ""
+    assert better_joints(model, Unit()) == ""

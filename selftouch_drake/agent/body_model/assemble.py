@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.judge import Judgement
 from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
+from selftouch_drake.agent.body_model.receptor_places import middles_of_fields
 from selftouch_drake.agent.body_model.refine import moved_by
 from selftouch_drake.agent.body_model.scene import (
     Scene,
@@ -278,7 +279,10 @@ def _receptors(
     kernel_place: np.ndarray,
     sensation: csr_array | None,
 ) -> Receptors:
-    """Places of receptors: means of the touches that press them, in their part's frame."""
+    """Places of receptors in their part's frame, and their normals.
+
+    They begin at the means of the touches that press them.
+    """
     number = 0 if sensation is None else sensation.shape[1]
     part = np.full(number, -1)
     place, outward = np.full((number, 3), np.nan), np.full((number, 3), np.nan)
@@ -312,8 +316,15 @@ def _receptors(
     spread = np.bincount(
         receptor, weights=weight * ((y[row] - place[receptor]) ** 2).sum(axis=1), minlength=number
     )
-    size = np.cbrt(abs(np.linalg.det(carried[BASE][:3, :3])))
-    sigma[has] = size * np.sqrt(spread[has] / mass[has] * squares[has] / mass[has] ** 2)
+    sigma[has] = np.sqrt(spread[has] / mass[has] * squares[has] / mass[has] ** 2)
+    kept = (solution.share.sum(axis=1) > 0.5) & np.isfinite(y).all(axis=1)
+    felt = csr_array(sensation)[found.rows]
+    for number_of_part in found.tree.part:
+        own = np.flatnonzero(part == number_of_part)
+        here = np.flatnonzero((of_part == number_of_part) & kept)
+        place[own], error = middles_of_fields(y[here], felt[here][:, own], place[own])
+        sigma[own] = np.where(np.isnan(error), sigma[own], error)
+    sigma *= np.cbrt(abs(np.linalg.det(carried[BASE][:3, :3])))
     part[~has] = -1
     for number_of_part, link in found.tree.part.items():
         here = part == number_of_part
