@@ -17,7 +17,12 @@ from selftouch_drake.agent.body_model.known_chain import KnownChain, spread_out
 _TRIED = 1000
 # Touches beside one through which the skin is laid, of those that are not too light; and how far
 # along it the next touch lies at most, in their distances.
-_BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 2.5
+_BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 1.5
+# How many patches say where the skin is, and how often.
+_VOICES, _LAID = 3, 3
+_ROUGH = 1.0
+# Share for the joints.
+_FOR_JOINTS = 0.5
 # How little the skin bends by itself.
 _DAMPED = 0.1
 # Touches beside a place, near one of whose postures the next posture lies.
@@ -71,7 +76,7 @@ def next_touches(
         planned: `(n, 3)` places of touches that are on the way; none by default.
     """
     tried = reachable(known, _TRIED, random, lower, upper)
-    for_joints = informative(known, tried.q, number // 2, random)
+    for_joints = informative(known, tried.q, int(number * _FOR_JOINTS), random)
     there = [known.places(known.q), tried.place[for_joints]]
     if planned is not None:
         there.append(planned)
@@ -102,6 +107,9 @@ def reachable(
     turn = random.uniform(0, 2 * np.pi, number)
     step = random.uniform(0, _FARTHEST, number) * skin.size[one]
     wanted = skin.beside(one, step[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    wanted, one = skin.onto(wanted)
+    like = skin.rough[one, random.integers(skin.rough.shape[1], size=number)]
+    wanted = wanted + _ROUGH * like[:, None] * skin.axes[one, 2]
     inner = skin.place[one] - skin.size[one, None] * skin.axes[one, 2]
     beside = cKDTree(all_places).query(wanted, k=min(_LIVED, len(all_places)))[1]
     lived = known.q[beside[np.arange(number), random.integers(beside.shape[1], size=number)]]
@@ -121,18 +129,33 @@ class _Patches:
         axes: `(n, 3, 3)` two directions along the skin, and the one outwards, as rows.
         bend: `(n, 5)` of u, v, u u, u v and v v in the height above the place.
         size: `(n,)` median distance to the neighbours.
+        rough: `(n, k)` how far the neighbours lie above the paraboloid.
     """
 
     place: np.ndarray
     axes: np.ndarray
     bend: np.ndarray
     size: np.ndarray
+    rough: np.ndarray
 
     def beside(self, one: np.ndarray, along: np.ndarray) -> np.ndarray:
         """`(m, 3)` places `(m, 2)` along the skin from some."""
         height = np.einsum("ni,ni->n", _powers(along), self.bend[one])
         flat = np.concatenate([along, height[:, None]], axis=1)
         return self.place[one] + np.einsum("na,nab->nb", flat, self.axes[one])
+
+    def onto(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(m, 3)` places laid on the patches of the nearest, and `(m,)` which is nearest."""
+        tree = cKDTree(self.place)
+        for _ in range(_LAID):
+            away, near = tree.query(place, k=min(_VOICES, len(self.place)))
+            local = np.einsum("mka,mkba->mkb", place[:, None] - self.place[near], self.axes[near])
+            height = np.einsum("mki,mki->mk", _powers(local[..., :2]), self.bend[near])
+            moved = (height - local[..., 2])[..., None] * self.axes[near, 2]
+            weight = 1 / (away + 1e-6 * self.size[near]) ** 2
+            weight /= weight.sum(axis=1, keepdims=True)
+            place = place + np.einsum("mk,mka->ma", weight, moved)
+        return place, tree.query(place)[1]
 
 
 def _patches(place: np.ndarray) -> _Patches:
@@ -151,7 +174,8 @@ def _patches(place: np.ndarray) -> _Patches:
     A = A / scale[:, None]
     square = np.einsum("nki,nkj->nij", A, A) + _DAMPED * np.eye(5)
     bend = np.linalg.solve(square, np.einsum("nki,nk->ni", A, local[:, :, 2])[:, :, None])[:, :, 0]
-    return _Patches(place, axes, bend / scale, size)
+    rough = local[:, :, 2] - np.einsum("nki,ni->nk", A, bend)
+    return _Patches(place, axes, bend / scale, size, rough)
 
 
 def _powers(along: np.ndarray) -> np.ndarray:

@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.chain_change import Change
 from selftouch_drake.agent.body_model.known_chain import found_chain
+from selftouch_drake.agent.body_model.tools import Hand
 from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
@@ -62,12 +64,19 @@ class Noticed:
         since: number of the first touch that the agent takes for one of the changed body.
         explained_at: number of touches of the life when the agent had explained it.
         change: the explanation; it may become more exact later.
+        in_hand: what is in hand since then, if what touches moved and nothing else; else empty.
     """
 
     row: int
     since: int
     explained_at: int
     change: BodyChange
+    in_hand: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """What the agent found, in one line."""
+        return f"{self.change.in_words} ({self.in_hand})" if self.in_hand else self.change.in_words
 
 
 class Life:
@@ -88,6 +97,7 @@ class Life:
         surprise: surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
         doubts: `(3,)` greatest evidence in each block that the body changed, as a share of what
             raises the alarm: by surprise, silent receptors, new receptors.
+        hand: the tools that the agent knows, and which it has in hand.
         num_touches: number of touches that it took up to now.
     """
 
@@ -106,6 +116,7 @@ class Life:
         self.noticed: list[Noticed] = []
         self.surprise: list[np.ndarray] = []
         self.doubts: list[tuple[float, ...]] = []
+        self.hand = Hand()
         self.num_touches = 0
         self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
         self._expects_again_at: float = _FIRST
@@ -117,7 +128,8 @@ class Life:
         # touches at which the agent makes a guess more exact.
         self._before = TouchSet()
         self._to_refine: Sequence[int] = ()
-        # Likewise, at which it guesses; and the chain of the body before the change, once found.
+        # Likewise, at which it guesses; and the chain of the body before the change, once found:
+        # that which explained the change before, as it then became, keeps its frame.
         self._to_guess: Sequence[int] = ()
         self._chain: LivedChain | None = None
         # Number of the first touch of the body as it is.
@@ -190,7 +202,7 @@ class Life:
         since, first = row + 1 - num, self.num_touches - len(block)
         self._raised = first + row, first + since
         self._strange, self._to_refine = TouchSet(), ()
-        self._to_guess, self._chain = _TO_GUESS, None
+        self._to_guess = _TO_GUESS
         self._num_before = self.learner.num_touches + since
         if since < 0:
             # The last touches that it learned may be of the changed body.
@@ -225,13 +237,39 @@ class Life:
     def _explain(self, row: int, since: int, change: BodyChange | None) -> None:
         assert change is not None
         self.noticed.append(
-            Noticed(row=row, since=since, explained_at=self.num_touches, change=change)
+            Noticed(
+                row=row,
+                since=since,
+                explained_at=self.num_touches,
+                change=change,
+                in_hand=self._taken_in_hand(change),
+            )
         )
         self._born, self._raised, self._never_felt = since, None, None
         guess = change.displacement or change.new.receptors.any()
         self._to_refine = _TO_REFINE if guess else ()
         self._begin_again(change)
         self._expect()
+
+    def _taken_in_hand(self, change: BodyChange) -> str:
+        """What the agent finds in its hand after a change; the chain becomes that of the change."""
+        before, self._chain = self._chain, None
+        if before is None or change.displacement or change.left > ENOUGH:
+            # Tools are places in the frame of one chain.
+            self.hand = Hand()
+            return ""
+        said, moved = "", change.chain
+        chain = before.chain if moved is None else moved.after
+        if moved is not None and [part.kind for part in moved.parts] == [Change.TOUCHER]:
+            said, chain = self.hand.moved(moved, len(self._strange))
+        elif moved is not None:
+            self.hand.turned(moved.turn)
+        adapted = change.adapted(before.touches)
+        if len(adapted) >= _OF_CHAIN // 2:
+            self._chain = LivedChain(chain.felt_as(adapted.q, adapted.sensation), adapted)
+        else:
+            self.hand = Hand()
+        return said
 
     def _known_chain(self) -> LivedChain | None:
         """The chain of joints of the body as it was, if touches of one part accept one."""
