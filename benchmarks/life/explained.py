@@ -9,8 +9,8 @@ For each body and seed a chain is found from touches of a random walk. Then the 
 each way that `mending.py` knows and that moves joints or skin, or not at all; from first touches
 of another walk in the changed body it is explained. Printed are what the agent says, and whether it
 names what changed; a skin may be named by a joint that turns it alike, about the same axis. Two
-changes at once are kinds joined by +. With `tools` nothing else changes: the agent takes three tools
-in hand, one after another, puts each away, and takes them again, with so many touches each time.
+changes at once are kinds joined by +. With `tools` nothing else changes: the agent takes three
+tools in hand, one after another, puts them away, and takes them again, with so many touches each.
 """
 
 from __future__ import annotations

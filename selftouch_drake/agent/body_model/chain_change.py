@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import adjoint, exponentials
-from selftouch_drake.agent.body_model.known_chain import KnownChain
+from selftouch_drake.agent.body_model.known_chain import KnownChain, found_chain
 from selftouch_drake.agent.body_model.smoothness import SmoothChain
 
 # Residuals count with their squares up to so many standard deviations; beyond, less and less.
@@ -26,9 +26,9 @@ _ROBUST = 2.0
 _REACHED = 0.01
 # Share of usual touches, those foretold worst, that do not say how exact places are.
 _WORST = 0.05
-# Two things are tried if one leaves errors that are so many times as large as usual, squared; the
-# first is one of so many that alone explain most.
-_WORTH_TWO, _FIRST_OF_TWO = 1.5, 3
+# Two things are tried if one needs more numbers than these, or describes touches so many times as
+# long as usual ones; the first is one of so many that alone explain most.
+_FEW_NUMBERS, _WORTH_TWO, _FIRST_OF_TWO = 3, 1.5, 3
 # What each number must earn, relative to the logarithm of the number of touches: touches that
 # follow each other are off alike.
 _PRICE = 3.0
@@ -69,10 +69,10 @@ class Part:
         """`(k,)` standard errors of the numbers."""
         return np.sqrt(np.diag(self.covariance))
 
-    @property
-    def in_words(self) -> str:
-        """What changed, with its standard error."""
-        what = self.kind.value.format(self.joint)
+    def said(self, joint_names: Sequence[str] | None = None) -> str:
+        """What changed, with its standard error; joints are numbers if they have no names."""
+        joint = self.joint if joint_names is None or self.joint < 0 else joint_names[self.joint]
+        what = self.kind.value.format(joint)
         if self.kind == Change.ZERO:
             return f"{what} moved by {self.amount[0]:+.4f} ± {self.sigma[0]:.4f}"
         said = []
@@ -108,7 +108,11 @@ class ChainChange:
     @property
     def in_words(self) -> str:
         """What the agent found, in one line."""
-        return "; ".join(part.in_words for part in self.parts)
+        return self.said()
+
+    def said(self, joint_names: Sequence[str] | None = None) -> str:
+        """As `in_words`, with names of the joints if there are any."""
+        return "; ".join(part.said(joint_names) for part in self.parts)
 
     def moved(
         self, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
@@ -360,7 +364,7 @@ def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChang
     best = single[0]
     if best.length >= unchanged:
         return None
-    if best.length > _WORTH_TWO * 3 * len(since.q):
+    if len(best.amount) > _FEW_NUMBERS or best.length > _WORTH_TWO * 3 * len(since.q):
         for first in single[:_FIRST_OF_TWO]:
             for second in single:
                 if second.together[0].place == first.together[0].place:
@@ -371,3 +375,19 @@ def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChang
                     best = two
     after, turn = _with_inserted(known, best.together, best.amount)
     return ChainChange(parts=best.parts(), before=known, after=after, turn=turn)
+
+
+def changed_between(
+    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]
+) -> tuple[bool, ChainChange | None]:
+    """What changed between two recordings of one robot: readings and sensations of each.
+
+    Returns:
+        Whether touches of the first one accept a chain, and what changed of it, if anything.
+    """
+    # Every other touch says how exact places are.
+    chain = found_chain(*(some[::2] for some in before))
+    if chain is None or not len(after[0]):
+        return False, None
+    usual = before[0][1::2], before[1][1::2]
+    return True, explained(chain, *foretold(chain, usual, after))

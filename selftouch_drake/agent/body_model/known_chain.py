@@ -79,6 +79,15 @@ class KnownChain:
         slope = np.concatenate([by_twist.reshape(len(q), 3, -1), by_point], axis=2)
         return place, slope @ tangent(self.chain, self.slides)
 
+    def misplaced(self, q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
+        """`(m,)` how far the chain takes the toucher from where `(m, S)` sensations say, in radii.
+
+        Its own touches say where sensations are felt.
+        """
+        place = self.places(self.q)
+        felt = self.sensed.predicted(place, self.sensed.like(csr_array(sensation.astype(float))))
+        return np.linalg.norm(self.places(q.astype(float)) - felt, axis=1) / self.radius
+
     def put(
         self, q: np.ndarray, place: np.ndarray, lower: np.ndarray, upper: np.ndarray
     ) -> np.ndarray:

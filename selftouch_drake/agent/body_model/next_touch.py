@@ -14,13 +14,10 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.body_model.known_chain import KnownChain, spread_out
 
 # Postures from which a batch is chosen.
-_TRIED = 1000
+_TRIED = 1500
 # Touches beside one through which the skin is laid, of those that are not too light; and how far
 # along it the next touch lies at most, in their distances.
 _BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 1.5
-# How many patches say where the skin is, and how often.
-_VOICES, _LAID = 3, 3
-_ROUGH = 1.0
 # Share for the joints.
 _FOR_JOINTS = 0.5
 # How little the skin bends by itself.
@@ -107,10 +104,12 @@ def reachable(
     turn = random.uniform(0, 2 * np.pi, number)
     step = random.uniform(0, _FARTHEST, number) * skin.size[one]
     wanted = skin.beside(one, step[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
-    wanted, one = skin.onto(wanted)
     like = skin.rough[one, random.integers(skin.rough.shape[1], size=number)]
-    wanted = wanted + _ROUGH * like[:, None] * skin.axes[one, 2]
-    inner = skin.place[one] - skin.size[one, None] * skin.axes[one, 2]
+    wanted = wanted + like[:, None] * skin.axes[one, 2]
+    there = skin.holds(wanted)
+    wanted, one = wanted[there], one[there]
+    number = len(one)
+    inner = skin.place[one]
     beside = cKDTree(all_places).query(wanted, k=min(_LIVED, len(all_places)))[1]
     lived = known.q[beside[np.arange(number), random.integers(beside.shape[1], size=number)]]
     away = _AWAY * known.scale * random.standard_normal(lived.shape)
@@ -144,18 +143,15 @@ class _Patches:
         flat = np.concatenate([along, height[:, None]], axis=1)
         return self.place[one] + np.einsum("na,nab->nb", flat, self.axes[one])
 
-    def onto(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(m, 3)` places laid on the patches of the nearest, and `(m,)` which is nearest."""
-        tree = cKDTree(self.place)
-        for _ in range(_LAID):
-            away, near = tree.query(place, k=min(_VOICES, len(self.place)))
-            local = np.einsum("mka,mkba->mkb", place[:, None] - self.place[near], self.axes[near])
-            height = np.einsum("mki,mki->mk", _powers(local[..., :2]), self.bend[near])
-            moved = (height - local[..., 2])[..., None] * self.axes[near, 2]
-            weight = 1 / (away + 1e-6 * self.size[near]) ** 2
-            weight /= weight.sum(axis=1, keepdims=True)
-            place = place + np.einsum("mk,mka->ma", weight, moved)
-        return place, tree.query(place)[1]
+    def holds(self, place: np.ndarray) -> np.ndarray:
+        """`(m,)` whether the patch of the nearest place lies at `(m, 3)` places, as rough as it is.
+
+        Far from its place a patch leaves the skin, and may meet that of another.
+        """
+        near = cKDTree(self.place).query(place)[1]
+        local = np.einsum("ma,mba->mb", place - self.place[near], self.axes[near])
+        height = np.einsum("mi,mi->m", _powers(local[:, :2]), self.bend[near])
+        return np.abs(local[:, 2] - height) <= np.abs(self.rough[near]).max(axis=1)
 
 
 def _patches(place: np.ndarray) -> _Patches:

@@ -63,7 +63,7 @@ class Hand:
         return np.zeros(3) if self.holds == BARE else self.tools[self.holds].offset
 
     def chain(self, bare: KnownChain) -> KnownChain:
-        """The chain with what the hand holds; the touches that it keeps are still the bare hand's."""
+        """The chain with what the hand holds; its touches remain those of the bare hand."""
         point = bare.chain.point + self.offset
         return replace(bare, chain=SmoothChain(bare.chain.twists, point, np.inf))
 

@@ -119,6 +119,8 @@ class Life:
         self.hand = Hand()
         self.num_touches = 0
         self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
+        # Likewise, whether the chain takes what touches to where it is felt; None without a chain.
+        self._placed: SurpriseTest | None = None
         self._expects_again_at: float = _FIRST
         # `(S,)` receptors that had felt nothing when the agent first knew what to expect.
         self._never_felt: np.ndarray | None = None
@@ -128,10 +130,12 @@ class Life:
         # touches at which the agent makes a guess more exact.
         self._before = TouchSet()
         self._to_refine: Sequence[int] = ()
-        # Likewise, at which it guesses; and the chain of the body before the change, once found:
-        # that which explained the change before, as it then became, keeps its frame.
+        # Likewise, at which it guesses; and the chain of the body, once found. That which explained
+        # a change becomes the chain of the changed body, in the same frame.
         self._to_guess: Sequence[int] = ()
         self._chain: LivedChain | None = None
+        # Whether it is to ask for one; touches that accept none are not asked again.
+        self._asks_for_chain = asks
         # Number of the first touch of the body as it is.
         self._born = 0
         # Where the alarm was raised, and the first touch of the changed body, if unexplained.
@@ -190,11 +194,16 @@ class Life:
         if self._raised is not None:
             return 0
         novelty = expectation.novelty(block.q)
-        rows = (
+        rows: list[tuple[int | None, SurpriseTest | ReceptorTest]] = [
             (rise.watch(self.surprise[-1], novelty), rise),
             (receptors.watch(with_unit_norm(expected), block.sensation, novelty), receptors),
-        )
-        self.doubts.append(rise.doubt + receptors.doubt)
+        ]
+        doubt = rise.doubt
+        if self._placed is not None and self._chain is not None:
+            off = self._chain.chain.misplaced(block.q, block.sensation)
+            rows.append((self._placed.watch(off, -block.sensation.max(axis=1)), self._placed))
+            doubt = max(doubt, self._placed.doubt)
+        self.doubts.append(doubt + receptors.doubt)
         raised = [(row, test.since) for row, test in rows if row is not None]
         if not raised:
             return len(block)
@@ -220,7 +229,7 @@ class Life:
         assert self._watching is not None
         remembered, number = self._remembered()
         self._before = remembered[number < self._num_before]
-        self._chain = self._chain or self._known_chain()
+        self._chain = self._chain or self._chain_of(self._before)
         if guess and self._chain is None:
             self._to_guess = ()
             return None
@@ -253,7 +262,7 @@ class Life:
 
     def _taken_in_hand(self, change: BodyChange) -> str:
         """What the agent finds in its hand after a change; the chain becomes that of the change."""
-        before, self._chain = self._chain, None
+        before, self._chain, self._asks_for_chain = self._chain, None, self._asks
         if before is None or change.displacement or change.left > ENOUGH:
             # Tools are places in the frame of one chain.
             self.hand = Hand()
@@ -271,14 +280,15 @@ class Life:
             self.hand = Hand()
         return said
 
-    def _known_chain(self) -> LivedChain | None:
-        """The chain of joints of the body as it was, if touches of one part accept one."""
+    def _chain_of(self, touches: TouchSet) -> LivedChain | None:
+        """The chain of the body's joints, if touches of one part accept one."""
         several = self.learner.representation.num_parts > 1
-        if not self._asks or several:
+        if not self._asks_for_chain or several:
             return None
-        rows = np.random.default_rng(self._seed).permutation(len(self._before))[:_OF_CHAIN]
-        some = self._before[np.sort(rows)]
+        rows = np.random.default_rng(self._seed).permutation(len(touches))[:_OF_CHAIN]
+        some = touches[np.sort(rows)]
         chain = found_chain(some.q.astype(float), some.sensation.astype(float), seed=self._seed)
+        self._asks_for_chain = chain is not None
         return None if chain is None else LivedChain(chain, some)
 
     def _begin_again(self, change: BodyChange) -> None:
@@ -310,6 +320,11 @@ class Life:
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
         felt, num_touches = last.sensation, self.learner.num_touches
         usual, novelty = expectation.surprise(expected, felt), expectation.novelty(last.q)
+        self._chain, self._placed = self._chain or self._chain_of(early), None
+        if self._chain is not None:
+            # What presses lightly says less of its place.
+            off = self._chain.chain.misplaced(last.q, felt)
+            self._placed = SurpriseTest(off, -felt.max(axis=1))
         self._watching = (
             expectation,
             SurpriseTest(usual, novelty),
