@@ -79,8 +79,8 @@ class ComparedSkin:
         skin: as the first run has it.
         drift: what changed.
         move: how it moved as a whole; None if the first run has no body model that tells.
-        joints: what changed of the joints that move what touches over it, in words; None if touches
-            of the first run accept no chain of joints.
+        joints: what changed of the joints that move what touches over it, in words; None if that
+            needs more than a chain, or if the first run has no body model.
     """
 
     skin: Skin
@@ -170,23 +170,23 @@ def compare_runs(
             skin.names,
             None if skin.place is None else neighbours_in_file(skin.place),
         )
-        move = None
+        move = joints = None
         if places is not None:
             start, end = (
                 field_centres(place[own], some[own])
                 for place, some, own in zip(places, here, rows, strict=True)
             )
             move = skin_move(start, end)
-        well = np.ones(len(skin.names), dtype=bool)
-        well[[number for number, _, _ in drift.changes]] = False
-        knows, change = changed_between(
-            *(
-                _some_felt(q[own], some[own] * well)
-                for q, some, own in zip(readings, here, rows, strict=True)
+            well = np.ones(len(skin.names), dtype=bool)
+            well[[number for number, _, _ in drift.changes]] = False
+            knows, change = changed_between(
+                *(
+                    _some_felt(q[own], some[own] * well)
+                    for q, some, own in zip(readings, here, rows, strict=True)
+                )
             )
-        )
-        moved = "" if change is None else change.said(first.joint_names())
-        joints = moved if knows else None
+            moved = "" if change is None else change.said(first.joint_names())
+            joints = moved if knows else None
         found.append(ComparedSkin(skin=skin, drift=drift, move=move, joints=joints))
     if not found:
         raise RunError(
@@ -295,10 +295,6 @@ def drift_lines(found: Sequence[ComparedSkin]) -> list[str]:
     lines = []
     for one in found:
         of = f" of {one.skin.name}" if one.skin.name else ""
-        if one.joints is None:
-            lines.append(f"joints: touches{of} of the first run accept no chain of joints")
-        else:
-            lines.append(f"joints: {one.joints or f'nothing moved, as touches{of} say'}")
         lines.append(
             f"skin: {len(one.drift.changes)} of {len(one.skin.names)} receptors{of} changed"
         )
@@ -311,6 +307,10 @@ def drift_lines(found: Sequence[ComparedSkin]) -> list[str]:
                 "tells"
             )
             continue
+        if one.joints is None:
+            lines.append(f"joints: those that touch the skin{of} are no single chain")
+        else:
+            lines.append(f"joints: {one.joints or f'nothing moved, as touches{of} say'}")
         move = one.move
         verb = "moved" if move.surely else "did not surely move"
         errors = 1.96 * move.shift_sigma, 1.96 * move.turn_sigma

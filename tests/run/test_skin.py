@@ -179,3 +179,4 @@ def test_a_simulated_run_knows_its_places_and_whether_its_skin_moved(small_run):
     if found.move is not None:
         assert not found.move.surely
         assert "did not surely move as a whole" in drift_lines([found])[2]
+        assert drift_lines([found])[1] == "joints: nothing moved, as touches say"
