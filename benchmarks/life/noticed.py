@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.agent.body_model.known_chain import KnownChain, found_chain
-from selftouch_drake.agent.lifelong.alarm import SurpriseTest
+from selftouch_drake.agent.lifelong.alarm import PlaceTest
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
@@ -37,11 +37,10 @@ def watched(
     known: KnownChain, usual: tuple[np.ndarray, ...], touches: tuple[np.ndarray, ...]
 ) -> tuple[int | None, float]:
     """The row that raises the alarm, and the greatest evidence as a share of what raises it."""
-    off = known.misplaced(*usual)
-    test, evidence = SurpriseTest(off, -usual[1].max(axis=1)), 0.0
+    test, evidence = PlaceTest(*known.misplaced(*usual)), 0.0
     for start in range(0, len(touches[0]), _AT_ONCE):
         q, sensation = (one[start : start + _AT_ONCE] for one in touches)
-        row = test.watch(known.misplaced(q, sensation), -sensation.max(axis=1))
+        row = test.watch(*known.misplaced(q, sensation))
         evidence = max(evidence, test.doubt[0])
         if row is not None:
             return start + row, evidence

@@ -8,7 +8,7 @@ import numpy as np
 from selftouch_drake.agent.body_model.chain_change import Change
 from selftouch_drake.agent.body_model.known_chain import found_chain
 from selftouch_drake.agent.body_model.tools import Hand
-from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
+from selftouch_drake.agent.lifelong.alarm import PlaceTest, ReceptorTest, SurpriseTest
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
@@ -120,7 +120,7 @@ class Life:
         self.num_touches = 0
         self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
         # Likewise, whether the chain takes what touches to where it is felt; None without a chain.
-        self._placed: SurpriseTest | None = None
+        self._placed: PlaceTest | None = None
         self._expects_again_at: float = _FIRST
         # `(S,)` receptors that had felt nothing when the agent first knew what to expect.
         self._never_felt: np.ndarray | None = None
@@ -200,8 +200,8 @@ class Life:
         ]
         doubt = rise.doubt
         if self._placed is not None and self._chain is not None:
-            off = self._chain.chain.misplaced(block.q, block.sensation)
-            rows.append((self._placed.watch(off, -block.sensation.max(axis=1)), self._placed))
+            misplaced = self._chain.chain.misplaced(block.q, block.sensation)
+            rows.append((self._placed.watch(*misplaced), self._placed))
             doubt = max(doubt, self._placed.doubt)
         self.doubts.append(doubt + receptors.doubt)
         raised = [(row, test.since) for row, test in rows if row is not None]
@@ -263,7 +263,8 @@ class Life:
     def _taken_in_hand(self, change: BodyChange) -> str:
         """What the agent finds in its hand after a change; the chain becomes that of the change."""
         before, self._chain, self._asks_for_chain = self._chain, None, self._asks
-        if before is None or change.displacement or change.left > ENOUGH:
+        unexplained = change.chain is None and change.left > ENOUGH
+        if before is None or change.displacement or unexplained:
             # Tools are places in the frame of one chain.
             self.hand = Hand()
             return ""
@@ -322,9 +323,7 @@ class Life:
         usual, novelty = expectation.surprise(expected, felt), expectation.novelty(last.q)
         self._chain, self._placed = self._chain or self._chain_of(early), None
         if self._chain is not None:
-            # What presses lightly says less of its place.
-            off = self._chain.chain.misplaced(last.q, felt)
-            self._placed = SurpriseTest(off, -felt.max(axis=1))
+            self._placed = PlaceTest(*self._chain.chain.misplaced(last.q, felt))
         self._watching = (
             expectation,
             SurpriseTest(usual, novelty),

@@ -115,6 +115,11 @@ def test_receptors_are_compared_as_they_were(known):
     sensed = known.sensed.like(csr_array(felt))
     off = known.sensed.predicted(known.places(known.q), sensed) - known.places(q)
     assert np.median(np.linalg.norm(off, axis=1)) < 0.05 * known.radius
+    misplaced, unsure = known.misplaced(q, felt)
+    np.testing.assert_allclose(misplaced, np.linalg.norm(off, axis=1) / known.radius)
+    # What never felt together says less of its place.
+    strange = np.random.default_rng(0).permuted(felt, axis=1)
+    assert np.median(known.misplaced(q, strange)[1]) > 3 * np.median(unsure)
 
 
 def test_two_things_that_changed_are_told_where_one_is_not_enough(known, usual):

@@ -53,7 +53,8 @@ def test_a_zero_moves_touches_by_that_much_though_receptors_died(before, known, 
 def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, known, expectation):
     arm = ArmOnBall()
     arm.point = arm.point + np.array([0.2, -0.1, 0.1])
-    change = found(expectation, before, known, TouchSet(*arm.touches(150, seed=4)))
+    since = TouchSet(*arm.touches(150, seed=4))
+    change = found(expectation, before, known, since)
     assert change.chain is not None
     assert [part.kind for part in change.chain.parts] == [Change.TOUCHER]
     adapted = change.adapted(before[:300])
@@ -61,6 +62,17 @@ def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, 
     assert len(adapted) > 200
     assert touching[1] < 0.85 < 0.93 < touching[0]
     assert change.left < 2
+    # What touches moved, and no more: a life takes it for a tool, and knows the chain with it.
+    life = Life()
+    life._chain, life._strange = known, since
+    assert life._taken_in_hand(change) == "tool 0 is in hand, a new one"
+    with_tool = life._chain.chain
+    np.testing.assert_allclose(with_tool.chain.point, known.chain.chain.point + life.hand.offset)
+    off = [
+        np.median(chain.misplaced(since.q, since.sensation)[0])
+        for chain in (with_tool, known.chain)
+    ]
+    assert off[0] < 0.5 * off[1]
 
 
 @pytest.mark.slow
