@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.body_model.known_chain import KnownChain, spread_out
 
 # Postures from which a batch is chosen.
-_TRIED = 1000
+_TRIED = 1500
 # Touches beside one through which the skin is laid, of those that are not too light; and how far
 # along it the next touch lies at most, in their distances.
 _BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 1.5
@@ -105,6 +105,9 @@ def reachable(
     # As far above the patch as some touch beside it: at an edge no paraboloid lies on the skin.
     like = skin.rough[one, random.integers(skin.rough.shape[1], size=number)]
     wanted = wanted + like[:, None] * skin.axes[one, 2]
+    there = skin.holds(wanted)
+    wanted, one = wanted[there], one[there]
+    number = len(one)
     inner = skin.place[one] - skin.size[one, None] * skin.axes[one, 2]
     beside = cKDTree(all_places).query(wanted, k=min(_LIVED, len(all_places)))[1]
     lived = known.q[beside[np.arange(number), random.integers(beside.shape[1], size=number)]]
@@ -138,6 +141,16 @@ class _Patches:
         height = np.einsum("ni,ni->n", _powers(along), self.bend[one])
         flat = np.concatenate([along, height[:, None]], axis=1)
         return self.place[one] + np.einsum("na,nab->nb", flat, self.axes[one])
+
+    def holds(self, place: np.ndarray) -> np.ndarray:
+        """`(m,)` whether the patch of the nearest place lies at `(m, 3)` places, as rough as it is.
+
+        Far from its place a patch leaves the skin, and may meet that of another.
+        """
+        near = cKDTree(self.place).query(place)[1]
+        local = np.einsum("ma,mba->mb", place - self.place[near], self.axes[near])
+        height = np.einsum("mi,mi->m", _powers(local[:, :2]), self.bend[near])
+        return np.abs(local[:, 2] - height) <= np.abs(self.rough[near]).max(axis=1)
 
 
 def _patches(place: np.ndarray) -> _Patches:
