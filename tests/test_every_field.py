@@ -284,6 +284,7 @@ BABBLED = {
     ),
     "changes.NAME.links": (change(links={"forearm": 0.3}), change(), differs),
     "changes.NAME.joints": (change(joints={"elbow_pitch": 0.3}), change(), differs),
+    "changes.NAME.tools": (change(tools={"fingertip_0": [0.05, 0, 0]}), change(), differs),
     "changes.NAME.skins.NAME.dead": (
         of_skin(dead=list(range(15))),
         change(),

@@ -610,6 +610,10 @@ def test_a_number_is_never_changed_on_its_way():
             [{"skins": {"body": {"stretch": 3}}}],
             "changes[0].skins.body.stretch is 3; give at most 2",
         ),
+        (
+            [{"tools": {"fingertip": [0, 0, 0.1]}}],
+            "changes[0].tools.fingertip is [0, 0, 0.1]; did you mean fingertip_0?",
+        ),
         ([{"whens": 3}], "unknown key changes[0].whens;"),
     ],
 )

@@ -2,11 +2,15 @@
 
     python benchmarks/life/explained.py --bodies sphere torus cube --seeds 6
     python benchmarks/life/explained.py --bodies cube --seeds 41 --since 30 60 100
+    python benchmarks/life/explained.py --seeds 6 --kinds tools --since 10
+    python benchmarks/life/explained.py --seeds 6 --kinds joint+link joint+stretched --since 100
 
 For each body and seed a chain is found from touches of a random walk. Then the body changes, in
 each way that `mending.py` knows and that moves joints or skin, or not at all; from first touches
 of another walk in the changed body it is explained. Printed are what the agent says, and whether it
-names what changed; a skin may be named by a joint that turns it alike, about the same axis.
+names what changed; a skin may be named by a joint that turns it alike, about the same axis. Two
+changes at once are kinds joined by +. With `tools` nothing else changes: the agent takes three
+tools in hand, one after another, puts them away, and takes them again, with so many touches each.
 """
 
 from __future__ import annotations
@@ -14,12 +18,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from selftouch_drake.agent.body_model.chain_change import Change, explained, foretold
 from selftouch_drake.agent.body_model.known_chain import KnownChain, found_chain
+from selftouch_drake.agent.body_model.tools import BARE, Hand
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experiment import load_experiment
@@ -38,13 +44,20 @@ RIGHT = {
     "joint": Change.ZERO,
     "nothing": None,
 }
+#: Two changes at once that are tried, and tools: metres from where the fingertip touches.
+PAIRS = ("joint+link", "joint+slipped", "joint+stretched", "slipped+link")
+TOOLS = ([0.06, 0.0, 0.0], [0.02, 0.05, 0.0], [0.0, 0.0, -0.08])
+#: What is taken in hand; -1 is nothing.
+TAKEN = (-1, 0, -1, 1, -1, 2, 0, 1, 2, -1, 0)
 
 
 def touched(
-    body: str, seed: int, kind: str, walk: int, number: int
+    body: str, seed: int, kind: str, walk: int, number: int, tool: int = -1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Readings and sensations of the first touches of a walk in a body that changed."""
-    made = [] if kind == "nothing" else changes(kind, [])[1]
+    made = [one for some in kind.split("+") if some != "nothing" for one in changes(some, [])[1]]
+    if tool >= 0:
+        made = [*made, {"tools": {"fingertip_0": TOOLS[tool]}}]
     world = World(load_experiment(body, {"seed": seed, "changes": made}))
     shard = collect_walk(DrakeBodies(world).babbling, world.experiment, walk, number)
     return shard.q.astype(float), shard.sensation.astype(float)
@@ -55,9 +68,26 @@ def named(known: KnownChain, kind: str, since: tuple, usual: tuple) -> tuple[boo
     change = explained(known, *foretold(known, usual, since))
     if change is None:
         return kind == "nothing", "nothing that explains it"
+    said = sorted(part.kind.name for part in change.parts)
+    ok = said == sorted(right.name for one in kind.split("+") if (right := RIGHT[one]))
     # A turn of the skin about the first joint's axis is that joint's: touch tells no more.
-    turns = kind == "turned" and change.kind == Change.ZERO and change.joint == known.joints[0]
-    return turns or change.kind == RIGHT[kind], change.in_words
+    first = change.parts[0]
+    turns = kind == "turned" and first.kind == Change.ZERO and first.joint == known.joints[0]
+    return ok or (turns and len(said) == 1), change.in_words
+
+
+def tools(
+    known: KnownChain, body: str, seed: int, usual: tuple, number: int
+) -> Iterator[tuple[bool, str]]:
+    """Whether each thing that is taken in hand is known for what it is, and what the agent says."""
+    hand, order = Hand(), list[int]()
+    for walk, tool in enumerate(TAKEN, start=300):
+        touches = touched(body, seed, "nothing", walk, number, tool)
+        words = hand.feel(known, *foretold(known, usual, touches))
+        if tool >= 0 and tool not in order:
+            order.append(tool)
+        right = BARE if tool < 0 else order.index(tool)
+        yield hand.holds == right and len(hand.tools) == len(order), words
 
 
 def main() -> None:
@@ -66,7 +96,8 @@ def main() -> None:
     )
     parser.add_argument("--bodies", nargs="+", default=["sphere", "torus", "cube"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[6])
-    parser.add_argument("--kinds", nargs="+", choices=list(RIGHT), default=list(RIGHT))
+    every = [*RIGHT, *PAIRS, "tools"]
+    parser.add_argument("--kinds", nargs="+", choices=every, default=list(RIGHT))
     parser.add_argument("--before", type=int, default=600, help="touches of the chain")
     parser.add_argument("--since", nargs="+", type=int, default=[50, 100, 200])
     args = parser.parse_args()
@@ -81,7 +112,12 @@ def main() -> None:
                 print(f"{body} {seed}: no chain")
                 continue
             usual = q[args.before :], sensation[args.before :]
-            for kind in args.kinds:
+            for number in args.since if "tools" in args.kinds else []:
+                for ok, words in tools(known, body, seed, usual, number):
+                    right.setdefault(("tools", number), []).append(ok)
+                    mark = "right" if ok else "WRONG"
+                    print(f"{body} {seed} tools     {number:4d}: {mark}  {words}", flush=True)
+            for kind in (kind for kind in args.kinds if kind != "tools"):
                 q_since, felt = touched(body, seed, kind, 200, max(args.since))
                 for number in args.since:
                     ok, words = named(known, kind, (q_since[:number], felt[:number]), usual)

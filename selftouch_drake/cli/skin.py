@@ -66,7 +66,8 @@ def skin(
     felt        touches that the receptor felt
     due         touches that it should have felt
 
-    If RUN has an accepted body model, two runs also show whether the skin moved as a whole. In one
+    If RUN has an accepted body model, two runs also show what else changed beyond its standard
+    error: a joint's zero, a link, what touches, or the skin as a whole. In one
     run, `selftouch model RUN --start FILE` compares it with the robot's drawings.
 
     \b

@@ -555,6 +555,9 @@ class Change(Settings):
     links: dict[Text, Annotated[Number, Field(ge=-0.5, le=1)]] = field(default_factory=dict)
     # Rad or m by which the zeros of joints shift: the true position is the reading plus this.
     joints: dict[Text, Number] = field(default_factory=dict)
+    # Tools that touchers at a frame take in hand: m, where each touches from now on, in that frame.
+    # [0, 0, 0] puts it away.
+    tools: dict[Name, Triple] = field(default_factory=dict)
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
@@ -612,6 +615,10 @@ class Experiment(Settings):
                 remedy = closest(skin, self.skins) or f"known are {', '.join(self.skins)}"
                 require(skin in self.skins, f"{name}.skins.{skin}", skin, remedy)
                 what.require_receptors(f"{name}.skins.{skin}", self.skins[skin].num_receptors)
+            hands = [toucher for toucher, how in self.touching.items() if how.link is None]
+            for toucher, offset in change.tools.items():
+                remedy = closest(toucher, hands) or f"those at a frame are {', '.join(hands)}"
+                require(toucher in hands, f"{name}.tools.{toucher}", offset, remedy)
         return self
 
     def after(self, num_touches: int) -> "Experiment":

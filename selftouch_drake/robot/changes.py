@@ -58,6 +58,17 @@ def frame_after(plant: MultibodyPlant, experiment: Experiment, frame: Frame) -> 
     return plant.AddFrame(FixedOffsetFrame(name, body.body_frame(), X_LG))
 
 
+def with_tool(plant: MultibodyPlant, experiment: Experiment, toucher: str, frame: Frame) -> Frame:
+    """Where a toucher touches with the tool that it took last: a new frame, or its own if none."""
+    taken = [change.tools[toucher] for change in experiment.body_changes if toucher in change.tools]
+    if not taken or not any(taken[-1]):
+        return frame
+    X_LF = frame.GetFixedPoseInBodyFrame()
+    X_LT = RigidTransform(X_LF.rotation(), X_LF.multiply(np.array(taken[-1], dtype=float)))
+    name = f"{frame.name()}_tool_{plant.num_frames()}"
+    return plant.AddFrame(FixedOffsetFrame(name, frame.body().body_frame(), X_LT))
+
+
 def skin_motion(
     plant: MultibodyPlant, experiment: Experiment, name: str
 ) -> tuple[np.ndarray, np.ndarray] | None:

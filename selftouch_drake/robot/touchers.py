@@ -25,7 +25,7 @@ from pydrake.multibody.tree import FrameIndex, RigidBody
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.geometry.closing import closed_surface
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot.changes import frame_after
+from selftouch_drake.robot.changes import frame_after, with_tool
 from selftouch_drake.robot.links import FRICTION, as_mesh, find_link, find_named, in_memory
 from selftouch_drake.robot.pairs import OwnGeometries, Toucher, WornSkin
 
@@ -89,7 +89,7 @@ def _add_ball(plant: MultibodyPlant, name: str, experiment: Experiment) -> Touch
     frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
     field = f"touching.{name}.frame"
     frame = find_named(plant, frames, str(described.frame), field, "frame")
-    frame = frame_after(plant, experiment, frame)
+    frame = with_tool(plant, experiment, name, frame_after(plant, experiment, frame))
     ball = Sphere(float(described.radius or 0.0))
     # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch
     # costs a seventh of what it does with 128, and a sensation differs by a cosine distance of

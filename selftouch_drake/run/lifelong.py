@@ -86,7 +86,7 @@ def mood(life: Life) -> str:
     if life.has_doubts:
         return "this is not what it expects"
     if life.noticed:
-        return f"it found: {life.noticed[-1].change.in_words}"
+        return f"it found: {life.noticed[-1].in_words}"
     return "it is learning" if life.learner.knows else "it is beginning"
 
 

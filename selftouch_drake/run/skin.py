@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.body_model.chain_change import changed_between
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.given_model.taxels import compared
 from selftouch_drake.agent.readings.receptor_faults import (
@@ -34,6 +35,8 @@ FAULT_COLUMNS = ("receptor", "verdict", "felt", "due", "evidence")
 CHANGE_COLUMNS = ("receptor", "change", "evidence")
 # Fewest touches and receptors of a skin that are judged.
 _LEAST_TOUCHES, _LEAST_RECEPTORS = 50, 4
+# Touches of a run by which its joints are compared.
+_MOST_COMPARED = 1200
 # m; places that differ by less are the same.
 _SAME_PLACE = 1e-6
 # If this share of the receptors changed, the runs are hardly of one robot.
@@ -76,11 +79,14 @@ class ComparedSkin:
         skin: as the first run has it.
         drift: what changed.
         move: how it moved as a whole; None if the first run has no body model that tells.
+        joints: what changed of the joints that move what touches over it, in words; None if that
+            needs more than a chain, or if the first run has no body model.
     """
 
     skin: Skin
     drift: SkinDrift
     move: SkinMove | None
+    joints: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +156,7 @@ def compare_runs(
     skins = skins_of(first, names, taxels)
     if taxels is None:
         _require_same_places(first, skins, second, skins_of(second, other))
+    readings = q_first, q_second
     places = _places_by_joints(first, (q_first, before), (q_second, after))
     found = []
     for skin in skins:
@@ -163,20 +170,37 @@ def compare_runs(
             skin.names,
             None if skin.place is None else neighbours_in_file(skin.place),
         )
-        move = None
+        move = joints = None
         if places is not None:
             start, end = (
                 field_centres(place[own], some[own])
                 for place, some, own in zip(places, here, rows, strict=True)
             )
             move = skin_move(start, end)
-        found.append(ComparedSkin(skin=skin, drift=drift, move=move))
+            well = np.ones(len(skin.names), dtype=bool)
+            well[[number for number, _, _ in drift.changes]] = False
+            knows, change = changed_between(
+                *(
+                    _some_felt(q[own], some[own] * well)
+                    for q, some, own in zip(readings, here, rows, strict=True)
+                )
+            )
+            moved = "" if change is None else change.said(first.joint_names())
+            joints = moved if knows else None
+        found.append(ComparedSkin(skin=skin, drift=drift, move=move, joints=joints))
     if not found:
         raise RunError(
             f"{first.path} and {second.path} have no skin with {_LEAST_TOUCHES} touches or more in "
             "both; give runs with more"
         )
     return found
+
+
+def _some_felt(q: np.ndarray, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Some of the touches that are felt, spread evenly."""
+    felt = np.flatnonzero(sensation.any(axis=1))
+    felt = felt[np.linspace(0, len(felt) - 1, min(len(felt), _MOST_COMPARED)).astype(int)]
+    return q[felt].astype(float), sensation[felt].astype(float)
 
 
 def skins_of(run: RunDirectory, names: Sequence[str], taxels: Taxels | None = None) -> list[Skin]:
@@ -283,6 +307,10 @@ def drift_lines(found: Sequence[ComparedSkin]) -> list[str]:
                 "tells"
             )
             continue
+        if one.joints is None:
+            lines.append(f"joints: those that touch the skin{of} are no single chain")
+        else:
+            lines.append(f"joints: {one.joints or f'nothing moved, as touches{of} say'}")
         move = one.move
         verb = "moved" if move.surely else "did not surely move"
         errors = 1.96 * move.shift_sigma, 1.96 * move.turn_sigma

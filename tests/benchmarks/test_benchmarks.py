@@ -62,6 +62,8 @@ SMALL: dict[str, list[str]] = {
         *("--pairs", "2"),
     ],
     "life/explained": ["--bodies=sphere", "--kinds=joint", "--before=300", "--since=50"],
+    "life/noticed": ["--bodies=sphere", "--seeds=6", "--kinds", "joint", "--watched=500"],
+    "make/growing": ["--body=sphere", "--touches", "60", "100", "--out={tmp}/growing.gif"],
     "life/walks": ["--experiment", "sphere", "--touches", "50"],
     "accuracy/servo": [
         "cube",
@@ -131,6 +133,7 @@ LONG = {
     "cost/cluster",
     "make/kills",
     "others/foreign",
+    "life/noticed",
     "life/walks",
     "life/exploration",
 }

@@ -46,6 +46,19 @@ def test_growth_adds_up(base, q):
     assert np.linalg.norm(moved, axis=2).max() <= 0.4 * (1.1 * 1.5 - 1) + 0.2 + 1e-9
 
 
+def test_a_tool_is_taken_in_hand_and_put_away(base, q):
+    bare, far = base.robot.toucher_positions(q), {"tools": {"fingertip_0": [0.03, 0.0, 0.04]}}
+    first = world({"tools": {"fingertip_0": [0.05, 0.0, 0.0]}})
+    held = first.robot.toucher_positions(q) - bare
+    assert np.linalg.norm(held, axis=2) == pytest.approx(0.05)
+    # The last one counts.
+    other = world({"tools": {"fingertip_0": [0.05, 0.0, 0.0]}}, far).robot.toucher_positions(q)
+    assert np.linalg.norm(other - bare, axis=2) == pytest.approx(0.05)
+    assert np.einsum("nta,nta->nt", other - bare, held) == pytest.approx(0.05 * 0.03)
+    away = world(far, {"tools": {"fingertip_0": [0.0, 0.0, 0.0]}}).robot
+    np.testing.assert_allclose(away.toucher_positions(q), bare)
+
+
 def test_a_joint_whose_zero_moved_is_elsewhere_than_it_reads(base, q):
     shifted = world({"joints": {"elbow_pitch": 0.1}})
     true = q + 0.1 * (np.arange(6) == 2)

@@ -3,10 +3,11 @@
 What is felt in a touch says where it lies on the skin as it was. A chain that did not change brings
 its toucher there. One that did does so after something was moved: a joint's zero, a link, the
 toucher, or the skin itself. Each of these is a few numbers, found by least squares on the touches
-since; of all, the change with the least description is taken (Schwarz 1978).
+since; of all, and of pairs where one is not enough, the change with the least description is taken
+(Schwarz 1978).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -16,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import adjoint, exponentials
-from selftouch_drake.agent.body_model.known_chain import KnownChain
+from selftouch_drake.agent.body_model.known_chain import KnownChain, found_chain
 from selftouch_drake.agent.body_model.smoothness import SmoothChain
 
 # Residuals count with their squares up to so many standard deviations; beyond, less and less.
@@ -25,6 +26,9 @@ _ROBUST = 2.0
 _REACHED = 0.01
 # Share of usual touches, those foretold worst, that do not say how exact places are.
 _WORST = 0.05
+# Two things are tried if one needs more numbers than these, or describes touches so many times as
+# long as usual ones; the first is one of so many that alone explain most.
+_FEW_NUMBERS, _WORTH_TWO, _FIRST_OF_TWO = 3, 1.5, 3
 # What each number must earn, relative to the logarithm of the number of touches: touches that
 # follow each other are off alike.
 _PRICE = 3.0
@@ -43,8 +47,8 @@ class Change(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ChainChange:
-    """A change of a chain.
+class Part:
+    """One thing that changed of a chain.
 
     Attributes:
         kind: what changed.
@@ -52,23 +56,23 @@ class ChainChange:
         amount: `(k,)` the numbers: the zero's shift in the reading's unit; a displacement in
             radii of the skin; a turn in radians, then a displacement; a displacement, then the
             logarithm of a stretch.
-        sigma: `(k,)` their standard errors.
-        before: the chain as it was.
-        after: as it is. Where `before` takes the toucher in a posture, `after` takes it in the
-            posture in which the same is felt now.
+        covariance: `(k, k)` of the numbers.
     """
 
     kind: Change
     joint: int
     amount: np.ndarray
-    sigma: np.ndarray
-    before: KnownChain
-    after: KnownChain
+    covariance: np.ndarray
 
     @property
-    def in_words(self) -> str:
-        """What the agent found, in one line."""
-        what = self.kind.value.format(self.joint)
+    def sigma(self) -> np.ndarray:
+        """`(k,)` standard errors of the numbers."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def said(self, joint_names: Sequence[str] | None = None) -> str:
+        """What changed, with its standard error; joints are numbers if they have no names."""
+        joint = self.joint if joint_names is None or self.joint < 0 else joint_names[self.joint]
+        what = self.kind.value.format(joint)
         if self.kind == Change.ZERO:
             return f"{what} moved by {self.amount[0]:+.4f} ± {self.sigma[0]:.4f}"
         said = []
@@ -82,6 +86,33 @@ class ChainChange:
             way, error = _size(self.amount, self.sigma)
             said.append(f"moved by {way:.3f} ± {error:.3f} of the skin's radius")
         return " ".join([what, *said])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChainChange:
+    """A change of a chain.
+
+    Attributes:
+        parts: what changed, one thing or two.
+        before: the chain as it was.
+        after: as it is. Where `before` takes the toucher in a posture, `after` takes it in the
+            posture in which the same is felt now.
+        turn: `(3, 3)` how the last link turned and stretched at readings of 0.
+    """
+
+    parts: tuple[Part, ...]
+    before: KnownChain
+    after: KnownChain
+    turn: np.ndarray
+
+    @property
+    def in_words(self) -> str:
+        """What the agent found, in one line."""
+        return self.said()
+
+    def said(self, joint_names: Sequence[str] | None = None) -> str:
+        """As `in_words`, with names of the joints if there are any."""
+        return "; ".join(part.said(joint_names) for part in self.parts)
 
     def moved(
         self, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
@@ -97,8 +128,8 @@ class ChainChange:
             `(n, J)` the postures nearest to q in which it is, and `(n,)` whether they get there.
         """
         q = q.astype(float)
-        if self.kind == Change.ZERO:
-            q[:, self.joint] -= self.amount[0]
+        if self._zeros_alone:
+            q -= self._zeros(q.shape[1])
             return q, np.all((q >= lower) & (q <= upper), axis=1)
         place = self.before.places(q)
         found = self.after.put(q, place, lower, upper)
@@ -108,10 +139,20 @@ class ChainChange:
     def as_before(self, q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """`(n, J)` postures in which was felt before what is felt at `(n, J)` q now."""
         q = q.astype(float)
-        if self.kind == Change.ZERO:
-            q[:, self.joint] += self.amount[0]
-            return q
+        if self._zeros_alone:
+            return q + self._zeros(q.shape[1])
         return self.before.put(q, self.after.places(q), lower, upper)
+
+    @property
+    def _zeros_alone(self) -> bool:
+        return all(part.kind == Change.ZERO for part in self.parts)
+
+    def _zeros(self, num_joints: int) -> np.ndarray:
+        """`(J,)` by which zeros moved."""
+        zeros = np.zeros(num_joints)
+        for part in self.parts:
+            zeros[part.joint] += part.amount[0]
+        return zeros
 
 
 def _size(amount: np.ndarray, sigma: np.ndarray) -> tuple[float, float]:
@@ -168,13 +209,24 @@ def _motion(amount: np.ndarray, about: np.ndarray) -> np.ndarray:
     return motion
 
 
-def _with_inserted(known: KnownChain, hypothesis: _Hypothesis, amount: np.ndarray) -> KnownChain:
-    """The chain after something was moved."""
-    motion = _motion(hypothesis.basis @ amount, hypothesis.about)
-    twists, point = known.chain.twists.copy(), known.chain.point
-    twists[hypothesis.place :] = adjoint(motion, twists[hypothesis.place :])
-    point = motion[:3, :3] @ point + motion[:3, 3]
-    return replace(known, chain=SmoothChain(twists, point, np.inf))
+def _with_inserted(
+    known: KnownChain, together: Sequence[_Hypothesis], amount: np.ndarray
+) -> tuple[KnownChain, np.ndarray]:
+    """The chain after some things were moved, by their numbers one after the other.
+
+    Returns:
+        The chain, and `(3, 3)` how its last link turned and stretched at readings of 0.
+    """
+    twists, point, turn = known.chain.twists.copy(), known.chain.point, np.eye(3)
+    ends = np.cumsum([one.basis.shape[1] for one in together])[:-1]
+    moved = zip(together, np.split(amount, ends), strict=True)
+    # What lies nearest to the toucher first: it leaves the axes of all before it as they were.
+    for one, numbers in sorted(moved, key=lambda pair: -pair[0].place):
+        motion = _motion(one.basis @ numbers, one.about)
+        twists[one.place :] = adjoint(motion, twists[one.place :])
+        point = motion[:3, :3] @ point + motion[:3, 3]
+        turn = motion[:3, :3] @ turn
+    return replace(known, chain=SmoothChain(twists, point, np.inf)), turn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,27 +272,75 @@ def foretold(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A hypothesis, fitted: its numbers, their standard errors, and the length of description."""
+    """Hypotheses fitted together.
 
+    Attributes:
+        together: one or two of them.
+        amount: `(k,)` their numbers, one after the other.
+        covariance: `(k, k)` of the numbers.
+        length: of the description.
+    """
+
+    together: tuple[_Hypothesis, ...]
     amount: np.ndarray
-    sigma: np.ndarray
+    covariance: np.ndarray
     length: float
 
+    def parts(self) -> tuple[Part, ...]:
+        """What changed."""
+        parts, start = [], 0
+        for one in self.together:
+            own = slice(start, start + one.basis.shape[1])
+            part = Part(
+                kind=one.kind,
+                joint=one.joint,
+                amount=self.amount[own],
+                covariance=self.covariance[own, own],
+            )
+            parts.append(part)
+            start = own.stop
+        return tuple(parts)
 
-def _fitted(known: KnownChain, hypothesis: _Hypothesis, since: Foretold, usual: float) -> _Fit:
+
+def _fitted(
+    known: KnownChain,
+    together: tuple[_Hypothesis, ...],
+    since: Foretold,
+    usual: float,
+    start: np.ndarray | None = None,
+) -> _Fit:
     """The numbers that bring touches nearest to where they are felt."""
-    count = hypothesis.basis.shape[1]
+    count = sum(one.basis.shape[1] for one in together)
 
     def off(amount: np.ndarray) -> np.ndarray:
-        return since.errors(_with_inserted(known, hypothesis, amount))
+        return since.errors(_with_inserted(known, together, amount)[0])
 
-    found = least_squares(off, np.zeros(count), loss="soft_l1", f_scale=_ROBUST)
+    begin = np.zeros(count) if start is None else start
+    found = least_squares(off, begin, loss="soft_l1", f_scale=_ROBUST)
     number = len(since.q)
     left = _robust(found.fun)
     inverse = scipy.linalg.pinvh(found.jac.T @ found.jac)
     spread = max(left / usual, 1.0) * usual
-    sigma = np.sqrt(np.diag(inverse) * spread)
-    return _Fit(found.x, sigma, 3 * number * left / usual + _PRICE * count * np.log(number))
+    length = 3 * number * left / usual + price(count, number)
+    return _Fit(together, found.x, inverse * spread, length)
+
+
+def price(count: int, number: int) -> float:
+    """What so many numbers cost that so many touches told, in squared usual errors."""
+    return _PRICE * count * float(np.log(number))
+
+
+def new_point(known: KnownChain, usual: Foretold, since: Foretold) -> Part:
+    """Where the chain touches, if nothing else changed: by few touches, and how sure.
+
+    Args:
+        known: the chain as it was.
+        usual: touches from before, to which it was not fitted.
+        since: touches since.
+    """
+    base = _robust(usual.errors(known))
+    toucher = next(one for one in _hypotheses(known) if one.kind == Change.TOUCHER)
+    return _fitted(known, (toucher,), since, base).parts()[0]
 
 
 def _robust(errors: np.ndarray) -> float:
@@ -250,7 +350,7 @@ def _robust(errors: np.ndarray) -> float:
 
 
 def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChange | None:
-    """The change with the least description; None if that is no change.
+    """The change with the least description, of one thing or two; None if that is no change.
 
     Args:
         known: the chain as it was.
@@ -258,20 +358,36 @@ def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChang
         since: touches since.
     """
     base = _robust(usual.errors(known))
-    best = None
-    least = 3 * len(since.q) * _robust(since.errors(known)) / base
-    for hypothesis in _hypotheses(known):
-        fit = _fitted(known, hypothesis, since, base)
-        if fit.length < least:
-            least, best = fit.length, (hypothesis, fit)
-    if best is None:
+    unchanged = 3 * len(since.q) * _robust(since.errors(known)) / base
+    single = [_fitted(known, (one,), since, base) for one in _hypotheses(known)]
+    single.sort(key=lambda fit: fit.length)
+    best = single[0]
+    if best.length >= unchanged:
         return None
-    hypothesis, fit = best
-    return ChainChange(
-        kind=hypothesis.kind,
-        joint=hypothesis.joint,
-        amount=fit.amount,
-        sigma=fit.sigma,
-        before=known,
-        after=_with_inserted(known, hypothesis, fit.amount),
-    )
+    if len(best.amount) > _FEW_NUMBERS or best.length > _WORTH_TWO * 3 * len(since.q):
+        for first in single[:_FIRST_OF_TWO]:
+            for second in single:
+                if second.together[0].place == first.together[0].place:
+                    continue  # one motion in one place
+                start = np.concatenate([first.amount, np.zeros(len(second.amount))])
+                two = _fitted(known, (*first.together, *second.together), since, base, start)
+                if two.length < best.length:
+                    best = two
+    after, turn = _with_inserted(known, best.together, best.amount)
+    return ChainChange(parts=best.parts(), before=known, after=after, turn=turn)
+
+
+def changed_between(
+    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]
+) -> tuple[bool, ChainChange | None]:
+    """What changed between two recordings of one robot: readings and sensations of each.
+
+    Returns:
+        Whether touches of the first one accept a chain, and what changed of it, if anything.
+    """
+    # Every other touch says how exact places are.
+    chain = found_chain(*(some[::2] for some in before))
+    if chain is None or not len(after[0]):
+        return False, None
+    usual = before[0][1::2], before[1][1::2]
+    return True, explained(chain, *foretold(chain, usual, after))

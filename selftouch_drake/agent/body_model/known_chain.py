@@ -80,6 +80,21 @@ class KnownChain:
         slope = np.concatenate([by_twist.reshape(len(q), 3, -1), by_point], axis=2)
         return place, slope @ tangent(self.chain, self.slides)
 
+    def misplaced(self, q: np.ndarray, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far the chain takes the toucher from where sensations say; its own touches say where.
+
+        Args:
+            q: `(m, J)` readings.
+            sensation: `(m, S)` what was felt.
+
+        Returns:
+            `(m,)` distances in radii, and `(m,)` how unsure sensations are, as of `Sensed.unsure`.
+        """
+        felt = self.sensed.like(csr_array(sensation.astype(float)))
+        there = self.sensed.predicted(self.places(self.q), felt)
+        off = np.linalg.norm(self.places(q.astype(float)) - there, axis=1)
+        return off / self.radius, self.sensed.unsure(felt)
+
     def put(
         self, q: np.ndarray, place: np.ndarray, lower: np.ndarray, upper: np.ndarray
     ) -> np.ndarray:

@@ -14,10 +14,10 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.body_model.known_chain import KnownChain, spread_out
 
 # Postures from which a batch is chosen.
-_TRIED = 1000
+_TRIED = 1500
 # Touches beside one through which the skin is laid, of those that are not too light; and how far
 # along it the next touch lies at most, in their distances.
-_BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 2.5
+_BESIDE, _LIGHT, _FARTHEST = 12, 0.5, 1.5
 # How little the skin bends by itself.
 _DAMPED = 0.1
 # Touches beside a place, near one of whose postures the next posture lies.
@@ -102,6 +102,12 @@ def reachable(
     turn = random.uniform(0, 2 * np.pi, number)
     step = random.uniform(0, _FARTHEST, number) * skin.size[one]
     wanted = skin.beside(one, step[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    # As far above the patch as some touch beside it: at an edge no paraboloid lies on the skin.
+    like = skin.rough[one, random.integers(skin.rough.shape[1], size=number)]
+    wanted = wanted + like[:, None] * skin.axes[one, 2]
+    there = skin.holds(wanted)
+    wanted, one = wanted[there], one[there]
+    number = len(one)
     inner = skin.place[one] - skin.size[one, None] * skin.axes[one, 2]
     beside = cKDTree(all_places).query(wanted, k=min(_LIVED, len(all_places)))[1]
     lived = known.q[beside[np.arange(number), random.integers(beside.shape[1], size=number)]]
@@ -121,18 +127,30 @@ class _Patches:
         axes: `(n, 3, 3)` two directions along the skin, and the one outwards, as rows.
         bend: `(n, 5)` of u, v, u u, u v and v v in the height above the place.
         size: `(n,)` median distance to the neighbours.
+        rough: `(n, k)` how far the neighbours lie above the paraboloid.
     """
 
     place: np.ndarray
     axes: np.ndarray
     bend: np.ndarray
     size: np.ndarray
+    rough: np.ndarray
 
     def beside(self, one: np.ndarray, along: np.ndarray) -> np.ndarray:
         """`(m, 3)` places `(m, 2)` along the skin from some."""
         height = np.einsum("ni,ni->n", _powers(along), self.bend[one])
         flat = np.concatenate([along, height[:, None]], axis=1)
         return self.place[one] + np.einsum("na,nab->nb", flat, self.axes[one])
+
+    def holds(self, place: np.ndarray) -> np.ndarray:
+        """`(m,)` whether the patch of the nearest place lies at `(m, 3)` places, as rough as it is.
+
+        Far from its place a patch leaves the skin, and may meet that of another.
+        """
+        near = cKDTree(self.place).query(place)[1]
+        local = np.einsum("ma,mba->mb", place - self.place[near], self.axes[near])
+        height = np.einsum("mi,mi->m", _powers(local[:, :2]), self.bend[near])
+        return np.abs(local[:, 2] - height) <= np.abs(self.rough[near]).max(axis=1)
 
 
 def _patches(place: np.ndarray) -> _Patches:
@@ -151,7 +169,8 @@ def _patches(place: np.ndarray) -> _Patches:
     A = A / scale[:, None]
     square = np.einsum("nki,nkj->nij", A, A) + _DAMPED * np.eye(5)
     bend = np.linalg.solve(square, np.einsum("nki,nk->ni", A, local[:, :, 2])[:, :, None])[:, :, 0]
-    return _Patches(place, axes, bend / scale, size)
+    rough = local[:, :, 2] - np.einsum("nki,ni->nk", A, bend)
+    return _Patches(place, axes, bend / scale, size, rough)
 
 
 def _powers(along: np.ndarray) -> np.ndarray:

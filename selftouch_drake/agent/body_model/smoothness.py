@@ -89,6 +89,17 @@ class Sensed:
         weight = scipy.linalg.cho_solve(factor, place - middle)
         return middle + other.covariance(self) @ weight
 
+    def unsure(self, other: "Sensed") -> np.ndarray:
+        """`(m,)` variance of the places of other touches, noise included, by those of these.
+
+        Relative to the linear part of the process.
+        """
+        noisy = self.covariance(self) + np.diag(self.noise)
+        factor = scipy.linalg.cholesky(noisy, lower=True, check_finite=False)
+        across = scipy.linalg.solve_triangular(factor, self.covariance(other), lower=True)
+        alone = (other.share**2).sum(axis=1) / self.scale + _ROUND
+        return np.maximum(alone - (across**2).sum(axis=0), 0) + other.noise
+
 
 def _shares(readings: np.ndarray) -> np.ndarray:
     """`(n, S)` shares of receptors in readings, none of which is negative."""

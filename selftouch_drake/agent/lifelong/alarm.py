@@ -19,6 +19,9 @@ _RISE = 0.5
 #: or after 469 with one band.
 _BANDS = 4
 
+#: Share of usual touches whose places are foretold surely enough to say whether they are right.
+_FORETOLD = 0.95
+
 #: A receptor is met anew once this many touches passed without meeting it.
 _TOGETHER = 10
 
@@ -97,6 +100,27 @@ class SurpriseTest:
                 break
         self.doubt = (most / THRESHOLD,)
         return raised
+
+
+class PlaceTest(SurpriseTest):
+    """Is what touches for good elsewhere than what is felt says?
+
+    As surprise, by how far a chain of joints misplaces touches, among those whose place sensations
+    foretell about as surely. Where they foretell it less surely than almost ever before, the skin
+    is new, and nothing is said.
+
+    Args:
+        off: `(n,)` how far usual touches are misplaced, in order.
+        unsure: `(n,)` variance of the places that sensations foretell.
+    """
+
+    def __init__(self, off: np.ndarray, unsure: np.ndarray) -> None:
+        super().__init__(off, unsure)
+        self._limit, self._middle = np.quantile(unsure, _FORETOLD), float(np.median(off))
+
+    def watch(self, surprise: np.ndarray, novelty: np.ndarray) -> int | None:
+        """As of `SurpriseTest`, by how far touches are misplaced and how unsurely foretold."""
+        return super().watch(np.where(novelty > self._limit, self._middle, surprise), novelty)
 
 
 class ReceptorTest:

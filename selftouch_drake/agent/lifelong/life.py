@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.chain_change import Change
 from selftouch_drake.agent.body_model.known_chain import found_chain
-from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
+from selftouch_drake.agent.body_model.tools import Hand
+from selftouch_drake.agent.lifelong.alarm import PlaceTest, ReceptorTest, SurpriseTest
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
@@ -62,12 +64,19 @@ class Noticed:
         since: number of the first touch that the agent takes for one of the changed body.
         explained_at: number of touches of the life when the agent had explained it.
         change: the explanation; it may become more exact later.
+        in_hand: what is in hand since then, if what touches moved and nothing else; else empty.
     """
 
     row: int
     since: int
     explained_at: int
     change: BodyChange
+    in_hand: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """What the agent found, in one line."""
+        return f"{self.change.in_words} ({self.in_hand})" if self.in_hand else self.change.in_words
 
 
 class Life:
@@ -88,6 +97,7 @@ class Life:
         surprise: surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
         doubts: `(3,)` greatest evidence in each block that the body changed, as a share of what
             raises the alarm: by surprise, silent receptors, new receptors.
+        hand: the tools that the agent knows, and which it has in hand.
         num_touches: number of touches that it took up to now.
     """
 
@@ -106,8 +116,11 @@ class Life:
         self.noticed: list[Noticed] = []
         self.surprise: list[np.ndarray] = []
         self.doubts: list[tuple[float, ...]] = []
+        self.hand = Hand()
         self.num_touches = 0
         self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
+        # Likewise, whether the chain takes what touches to where it is felt; None without a chain.
+        self._placed: PlaceTest | None = None
         self._expects_again_at: float = _FIRST
         # `(S,)` receptors that had felt nothing when the agent first knew what to expect.
         self._never_felt: np.ndarray | None = None
@@ -117,9 +130,12 @@ class Life:
         # touches at which the agent makes a guess more exact.
         self._before = TouchSet()
         self._to_refine: Sequence[int] = ()
-        # Likewise, at which it guesses; and the chain of the body before the change, once found.
+        # Likewise, at which it guesses; and the chain of the body, once found. That which explained
+        # a change becomes the chain of the changed body, in the same frame.
         self._to_guess: Sequence[int] = ()
         self._chain: LivedChain | None = None
+        # Whether it is to ask for one; touches that accept none are not asked again.
+        self._asks_for_chain = asks
         # Number of the first touch of the body as it is.
         self._born = 0
         # Where the alarm was raised, and the first touch of the changed body, if unexplained.
@@ -178,11 +194,16 @@ class Life:
         if self._raised is not None:
             return 0
         novelty = expectation.novelty(block.q)
-        rows = (
+        rows: list[tuple[int | None, SurpriseTest | ReceptorTest]] = [
             (rise.watch(self.surprise[-1], novelty), rise),
             (receptors.watch(with_unit_norm(expected), block.sensation, novelty), receptors),
-        )
-        self.doubts.append(rise.doubt + receptors.doubt)
+        ]
+        doubt = rise.doubt
+        if self._placed is not None and self._chain is not None:
+            misplaced = self._chain.chain.misplaced(block.q, block.sensation)
+            rows.append((self._placed.watch(*misplaced), self._placed))
+            doubt = max(doubt, self._placed.doubt)
+        self.doubts.append(doubt + receptors.doubt)
         raised = [(row, test.since) for row, test in rows if row is not None]
         if not raised:
             return len(block)
@@ -190,7 +211,7 @@ class Life:
         since, first = row + 1 - num, self.num_touches - len(block)
         self._raised = first + row, first + since
         self._strange, self._to_refine = TouchSet(), ()
-        self._to_guess, self._chain = _TO_GUESS, None
+        self._to_guess = _TO_GUESS
         self._num_before = self.learner.num_touches + since
         if since < 0:
             # The last touches that it learned may be of the changed body.
@@ -208,7 +229,7 @@ class Life:
         assert self._watching is not None
         remembered, number = self._remembered()
         self._before = remembered[number < self._num_before]
-        self._chain = self._chain or self._known_chain()
+        self._chain = self._chain or self._chain_of(self._before)
         if guess and self._chain is None:
             self._to_guess = ()
             return None
@@ -225,7 +246,13 @@ class Life:
     def _explain(self, row: int, since: int, change: BodyChange | None) -> None:
         assert change is not None
         self.noticed.append(
-            Noticed(row=row, since=since, explained_at=self.num_touches, change=change)
+            Noticed(
+                row=row,
+                since=since,
+                explained_at=self.num_touches,
+                change=change,
+                in_hand=self._taken_in_hand(change),
+            )
         )
         self._born, self._raised, self._never_felt = since, None, None
         guess = change.displacement or change.new.receptors.any()
@@ -233,14 +260,36 @@ class Life:
         self._begin_again(change)
         self._expect()
 
-    def _known_chain(self) -> LivedChain | None:
-        """The chain of joints of the body as it was, if touches of one part accept one."""
+    def _taken_in_hand(self, change: BodyChange) -> str:
+        """What the agent finds in its hand after a change; the chain becomes that of the change."""
+        before, self._chain, self._asks_for_chain = self._chain, None, self._asks
+        unexplained = change.chain is None and change.left > ENOUGH
+        if before is None or change.displacement or unexplained:
+            # Tools are places in the frame of one chain.
+            self.hand = Hand()
+            return ""
+        said, moved = "", change.chain
+        chain = before.chain if moved is None else moved.after
+        if moved is not None and [part.kind for part in moved.parts] == [Change.TOUCHER]:
+            said, chain = self.hand.moved(moved, len(self._strange))
+        elif moved is not None:
+            self.hand.turned(moved.turn)
+        adapted = change.adapted(before.touches)
+        if len(adapted) >= _OF_CHAIN // 2:
+            self._chain = LivedChain(chain.felt_as(adapted.q, adapted.sensation), adapted)
+        else:
+            self.hand = Hand()
+        return said
+
+    def _chain_of(self, touches: TouchSet) -> LivedChain | None:
+        """The chain of the body's joints, if touches of one part accept one."""
         several = self.learner.representation.num_parts > 1
-        if not self._asks or several:
+        if not self._asks_for_chain or several:
             return None
-        rows = np.random.default_rng(self._seed).permutation(len(self._before))[:_OF_CHAIN]
-        some = self._before[np.sort(rows)]
+        rows = np.random.default_rng(self._seed).permutation(len(touches))[:_OF_CHAIN]
+        some = touches[np.sort(rows)]
         chain = found_chain(some.q.astype(float), some.sensation.astype(float), seed=self._seed)
+        self._asks_for_chain = chain is not None
         return None if chain is None else LivedChain(chain, some)
 
     def _begin_again(self, change: BodyChange) -> None:
@@ -272,6 +321,9 @@ class Life:
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
         felt, num_touches = last.sensation, self.learner.num_touches
         usual, novelty = expectation.surprise(expected, felt), expectation.novelty(last.q)
+        self._chain, self._placed = self._chain or self._chain_of(early), None
+        if self._chain is not None:
+            self._placed = PlaceTest(*self._chain.chain.misplaced(last.q, felt))
         self._watching = (
             expectation,
             SurpriseTest(usual, novelty),

@@ -6,20 +6,14 @@ from hand_made_chains import ArmOnBall
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import adjoint
-from selftouch_drake.agent.body_model.chain_change import Change, explained, foretold
-from selftouch_drake.agent.body_model.known_chain import found_chain
+from selftouch_drake.agent.body_model.chain_change import (
+    Change,
+    changed_between,
+    explained,
+    foretold,
+)
 
-NUM_BEFORE, NUM_SINCE = 400, 60
-
-
-@pytest.fixture(scope="module")
-def known():
-    return found_chain(*ArmOnBall().touches(NUM_BEFORE))
-
-
-@pytest.fixture(scope="module")
-def usual():
-    return ArmOnBall().touches(200, seed=5)
+NUM_SINCE = 60
 
 
 def found(known, usual, change, seed=6):
@@ -47,14 +41,15 @@ def test_a_zero_that_moved_is_one_number(known, usual, joint):
     q, felt = ArmOnBall().touches(NUM_SINCE, seed=6)
     q[:, joint] -= 0.1
     change = explained(known, *foretold(known, usual, (q, felt)))
-    assert change.kind == Change.ZERO
-    assert change.joint == joint
-    assert change.amount == pytest.approx(0.1, abs=max(4 * change.sigma[0], 0.01))
-    assert 0 < change.sigma[0] < 0.02
+    (part,) = change.parts
+    assert part.kind == Change.ZERO
+    assert part.joint == joint
+    assert part.amount == pytest.approx(0.1, abs=max(4 * part.sigma[0], 0.01))
+    assert 0 < part.sigma[0] < 0.02
     assert change.in_words.startswith(f"the zero of joint {joint} moved by +0.")
     lower, upper = np.full(4, -2.0), np.full(4, 2.0)
     now, reached = change.moved(q, lower, upper)
-    np.testing.assert_allclose(now[:, joint], q[:, joint] - change.amount)
+    np.testing.assert_allclose(now[:, joint], q[:, joint] - part.amount)
     np.testing.assert_allclose(change.as_before(now, lower, upper), q)
     assert reached.all()
     assert not change.moved(q, lower, np.full(4, -1.9))[1].any()
@@ -71,12 +66,13 @@ def test_a_longer_fingertip_and_a_longer_link_are_told_apart(known, usual):
         arm.point = arm.point + offset
 
     change, _ = found(known, usual, tip)
-    assert change.kind == Change.TOUCHER
+    (part,) = change.parts
+    assert part.kind == Change.TOUCHER
     size = np.linalg.norm(offset) / ArmOnBall().radius
-    assert np.linalg.norm(change.amount) == pytest.approx(size, rel=0.3)
+    assert np.linalg.norm(part.amount) == pytest.approx(size, rel=0.3)
     assert change.in_words.startswith("what touches moved by 0.")
     change, arm = found(known, usual, link)
-    assert (change.kind, change.joint) == (Change.LINK, 1)
+    assert [(part.kind, part.joint) for part in change.parts] == [(Change.LINK, 1)]
     # Where something was felt, the same is felt now.
     q, _ = ArmOnBall().touches(200, seed=8)
     now, reached = change.moved(q, np.full(4, -2.0), np.full(4, 2.0))
@@ -97,10 +93,10 @@ def test_a_skin_that_slipped_turned_or_stretched_is_the_skin(known, usual):
     def stretched(arm):
         arm.radius = 1.1 * arm.radius
 
-    assert found(known, usual, slipped)[0].kind == Change.SKIN
-    change, _ = found(known, usual, stretched)
-    assert change.kind == Change.STRETCHED_SKIN
-    assert np.exp(-change.amount[3]) == pytest.approx(1.1, abs=0.02)
+    assert [part.kind for part in found(known, usual, slipped)[0].parts] == [Change.SKIN]
+    (part,) = found(known, usual, stretched)[0].parts
+    assert part.kind == Change.STRETCHED_SKIN
+    assert np.exp(-part.amount[3]) == pytest.approx(1.1, abs=0.02)
 
     def turned(arm):
         a = 0.15
@@ -108,8 +104,9 @@ def test_a_skin_that_slipped_turned_or_stretched_is_the_skin(known, usual):
         arm.receptors = arm.receptors @ turn.T
 
     change, _ = found(known, usual, turned)
-    assert change.kind == Change.TURNED_SKIN
-    assert np.linalg.norm(change.amount[:3]) == pytest.approx(0.15, abs=0.03)
+    (part,) = change.parts
+    assert part.kind == Change.TURNED_SKIN
+    assert np.linalg.norm(part.amount[:3]) == pytest.approx(0.15, abs=0.03)
     assert "degrees" in change.in_words
 
 
@@ -118,3 +115,44 @@ def test_receptors_are_compared_as_they_were(known):
     sensed = known.sensed.like(csr_array(felt))
     off = known.sensed.predicted(known.places(known.q), sensed) - known.places(q)
     assert np.median(np.linalg.norm(off, axis=1)) < 0.05 * known.radius
+    misplaced, unsure = known.misplaced(q, felt)
+    np.testing.assert_allclose(misplaced, np.linalg.norm(off, axis=1) / known.radius)
+    # What never felt together says less of its place.
+    strange = np.random.default_rng(0).permuted(felt, axis=1)
+    assert np.median(known.misplaced(q, strange)[1]) > 3 * np.median(unsure)
+
+
+def test_two_things_that_changed_are_told_where_one_is_not_enough(known, usual):
+    offset = np.array([0.1, -0.05, 0.05])
+    arm = ArmOnBall()
+    arm.point = arm.point + offset
+    q, felt = arm.touches(NUM_SINCE, seed=6)
+    q[:, 0] -= 0.15
+    change = explained(known, *foretold(known, usual, (q, felt)))
+    assert {(part.kind, part.joint) for part in change.parts} == {
+        (Change.TOUCHER, -1),
+        (Change.ZERO, 0),
+    }
+    zero = next(part for part in change.parts if part.kind == Change.ZERO)
+    assert zero.amount == pytest.approx(0.15, abs=0.03)
+    assert "; " in change.in_words
+    q, felt = ArmOnBall().touches(NUM_SINCE, seed=6)
+    q[:, 0] -= 0.15
+    q[:, 3] += 0.2
+    change = explained(known, *foretold(known, usual, (q, felt)))
+    found_zeros = {part.joint: float(part.amount[0]) for part in change.parts}
+    assert found_zeros == pytest.approx({0: 0.15, 3: -0.2}, abs=0.03)
+    now, _ = change.moved(q, np.full(4, -2.0), np.full(4, 2.0))
+    np.testing.assert_allclose(change.as_before(now, np.full(4, -2.0), np.full(4, 2.0)), q)
+
+
+def test_two_recordings_of_one_robot_say_what_moved_in_between():
+    before = ArmOnBall().touches(800)
+    q, felt = ArmOnBall().touches(NUM_SINCE, seed=6)
+    q[:, 2] -= 0.1
+    knows, change = changed_between(before, (q, felt))
+    assert knows
+    said = change.said(["shoulder", "elbow", "forearm", "wrist"])
+    assert said.startswith("the zero of joint forearm moved by +0.1")
+    mixed = np.random.default_rng(0).permutation(before[0])
+    assert changed_between((mixed, before[1]), (q, felt)) == (False, None)

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lifelong.alarm import THRESHOLD, ReceptorTest, SurpriseTest
+from selftouch_drake.agent.lifelong.alarm import THRESHOLD, PlaceTest, ReceptorTest, SurpriseTest
 
 
 def alike(num):
@@ -41,6 +41,16 @@ def test_novel_touches_surprise_and_raise_no_alarm():
     row = alarm.watch(*touched(500, 0.5, rise=2.0))
     assert row is not None
     assert row < 150
+
+
+def test_a_chain_that_misplaces_touches_is_noticed_and_skin_that_is_new_is_not():
+    rng = np.random.default_rng(0)
+    test = PlaceTest(rng.exponential(size=1000), rng.random(1000))
+    assert test.watch(rng.exponential(size=5000), rng.random(5000)) is None
+    assert test.watch(np.full(500, 20.0), np.full(500, 3.0)) is None
+    row = test.watch(5 * rng.exponential(size=300), rng.random(300))
+    assert row is not None
+    assert row < 100
 
 
 def test_touches_that_come_in_runs_count_for_less():

@@ -40,8 +40,9 @@ def test_a_zero_moves_touches_by_that_much_though_receptors_died(before, known, 
     felt[:, dead] = 0.0
     change = found(expectation, before, known, TouchSet(q, felt)[felt.any(axis=1)])
     assert change.chain is not None
-    assert (change.chain.kind, change.chain.joint) == (Change.ZERO, 1)
-    assert change.chain.amount == pytest.approx(0.3, abs=0.03)
+    (part,) = change.chain.parts
+    assert (part.kind, part.joint) == (Change.ZERO, 1)
+    assert part.amount == pytest.approx(0.3, abs=0.03)
     assert "the zero of joint 1 moved by +0." in change.in_words
     assert not change.displacement
     adapted = change.adapted(before[:100])
@@ -52,14 +53,26 @@ def test_a_zero_moves_touches_by_that_much_though_receptors_died(before, known, 
 def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, known, expectation):
     arm = ArmOnBall()
     arm.point = arm.point + np.array([0.2, -0.1, 0.1])
-    change = found(expectation, before, known, TouchSet(*arm.touches(150, seed=4)))
+    since = TouchSet(*arm.touches(150, seed=4))
+    change = found(expectation, before, known, since)
     assert change.chain is not None
-    assert change.chain.kind == Change.TOUCHER
+    assert [part.kind for part in change.chain.parts] == [Change.TOUCHER]
     adapted = change.adapted(before[:300])
     touching = [arm.feel(one).any(axis=1).mean() for one in (adapted.q, before.q[:300])]
     assert len(adapted) > 200
     assert touching[1] < 0.85 < 0.93 < touching[0]
     assert change.left < 2
+    # What touches moved, and no more: a life takes it for a tool, and knows the chain with it.
+    life = Life()
+    life._chain, life._strange = known, since
+    assert life._taken_in_hand(change) == "tool 0 is in hand, a new one"
+    with_tool = life._chain.chain
+    np.testing.assert_allclose(with_tool.chain.point, known.chain.chain.point + life.hand.offset)
+    off = [
+        np.median(chain.misplaced(since.q, since.sensation)[0])
+        for chain in (with_tool, known.chain)
+    ]
+    assert off[0] < 0.5 * off[1]
 
 
 @pytest.mark.slow
@@ -72,5 +85,5 @@ def test_a_life_explains_a_change_by_its_chain_as_soon_as_it_is_noticed(monkeypa
     (noticed,) = life.noticed
     assert 2000 <= noticed.row < noticed.explained_at <= 2400
     assert noticed.change.chain is not None
-    assert (noticed.change.chain.kind, noticed.change.chain.joint) == (Change.ZERO, 1)
+    assert [(part.kind, part.joint) for part in noticed.change.chain.parts] == [(Change.ZERO, 1)]
     assert not life.has_doubts
