@@ -252,9 +252,10 @@ def _descended(draws: Draws, toucher: np.ndarray, how: Descent, bodies: Bodies) 
 
     What comes from there cannot be written, and to the compiler that is another type of array.
     """
-    draws = Draws(*(np.require(a, None, "W") if isinstance(a, np.ndarray) else a for a in draws))
+    if not draws.q.flags.writeable:
+        draws = Draws(*(each.copy(order="K") if each.ndim else each for each in draws))
     bodies = bodies.pick(np.arange(len(bodies)))
-    ways = packed(bodies.ways, toucher)
+    ways = packed(bodies.ways, toucher.copy())
     loss = descend(draws, ways, bodies.twists, bodies.points, how.rate, how.tail)
     return replace(bodies, loss=np.where(np.isfinite(loss), loss, np.inf))
 
