@@ -253,7 +253,8 @@ def _descended(draws: Draws, toucher: np.ndarray, how: Descent, bodies: Bodies) 
     What comes from there cannot be written, and to the compiler that is another type of array.
     """
     if not draws.q.flags.writeable:
-        draws = Draws(*(each.copy(order="K") if each.ndim else each for each in draws))
+        arrays = {name: each for name, each in draws._asdict().items() if each.ndim}
+        draws = draws._replace(**{name: each.copy(order="K") for name, each in arrays.items()})
     bodies = bodies.pick(np.arange(len(bodies)))
     ways = packed(bodies.ways, toucher.copy())
     loss = descend(draws, ways, bodies.twists, bodies.points, how.rate, how.tail)
