@@ -117,8 +117,8 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
         ("skins: {body: {thickness: 0}}", "skins.body.thickness is 0; give a number above 0"),
         ("skins: {body: {num_receptors: 3}}", "skins.body.num_receptors is 3; give at least 4"),
         (
-            "skins: {body: {num_receptors: 1001}}",
-            "skins.body.num_receptors is 1001; give at most 1000",
+            "skins: {body: {num_receptors: 10001}}",
+            "skins.body.num_receptors is 10001; give at most 10000",
         ),
         (
             "skins: {body: {surface: {shape: pyramid}}}",

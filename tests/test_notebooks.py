@@ -33,7 +33,7 @@ SMALL = {
 # What only one notebook needs: a large package, with torch.
 NEEDS = {"learn_to_reach": "stable_baselines3"}
 # Those that take long however small they are.
-LONG = {"any_robot", "what_the_agent_knows"}
+LONG = {"any_robot", "paper_figures", "what_the_agent_knows"}
 # s a cell, on a machine that tests on all its cores.
 PATIENCE = 600
 

@@ -20,7 +20,13 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import dask_executor
 
-MADE = ("representation.npz", "touch_model.npz", "topology.npz", "body_distances.npz")
+MADE = (
+    "representation.npz",
+    "touch_model.npz",
+    "topology.npz",
+    "body_distances.npz",
+    "body_model.npz",
+)
 
 
 def learned(run: Path, folder: Path, scheduler: str | None) -> dict[str, bytes]:

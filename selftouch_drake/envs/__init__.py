@@ -9,13 +9,15 @@ import gymnasium
 
 from selftouch_drake.envs.environment import SelfTouchEnv, Truth
 from selftouch_drake.envs.goals import ReachEnv, SlideEnv, likeness
-from selftouch_drake.envs.vector import SelfTouchVectorEnv
+from selftouch_drake.envs.vector import ReachVectorEnv, SelfTouchVectorEnv, SlideVectorEnv
 
 __all__ = [
     "ReachEnv",
+    "ReachVectorEnv",
     "SelfTouchEnv",
     "SelfTouchVectorEnv",
     "SlideEnv",
+    "SlideVectorEnv",
     "Truth",
     "environments",
     "likeness",
@@ -33,31 +35,37 @@ _ROBOTS: dict[str, dict[str, Any]] = {
 }
 # Tasks with their classes and steps per episode: 50 s, or 10 s to reach a sensation.
 _TASKS = {
-    "": ("selftouch_drake.envs.environment:SelfTouchEnv", 1000),
-    "Reach": ("selftouch_drake.envs.goals:ReachEnv", 200),
-    "Slide": ("selftouch_drake.envs.goals:SlideEnv", 200),
+    "": ("environment:SelfTouchEnv", "vector:SelfTouchVectorEnv", 1000),
+    "Reach": ("goals:ReachEnv", "vector:ReachVectorEnv", 200),
+    "Slide": ("goals:SlideEnv", "vector:SlideVectorEnv", 200),
 }
 
 
 def environments() -> list[str]:
-    """The names of all environments under dynamics; `...Kinematic-v0` are many robots at once."""
+    """The names of all environments, of one robot under dynamics or of many without."""
     return [f"SelfTouch/{robot}{task}-v0" for robot in _ROBOTS for task in _TASKS]
 
 
 def register() -> None:
     """Registers the environments with Gymnasium; known ones stay as they are."""
+    folder = "selftouch_drake.envs"
     for robot, kwargs in _ROBOTS.items():
-        for task, (entry_point, max_episode_steps) in _TASKS.items():
+        for task, (one, many, max_episode_steps) in _TASKS.items():
             name = f"SelfTouch/{robot}{task}-v0"
             if name not in gymnasium.registry:
                 gymnasium.register(
-                    name, entry_point, max_episode_steps=max_episode_steps, kwargs=dict(kwargs)
+                    name,
+                    f"{folder}.{one}",
+                    vector_entry_point=f"{folder}.{many}",
+                    max_episode_steps=max_episode_steps,
+                    kwargs=dict(kwargs),
                 )
-            many = f"SelfTouch/{robot}{task}Kinematic-v0"
-            if many not in gymnasium.registry:
+            # The name that many robots had alone, before both shared one.
+            name = f"SelfTouch/{robot}{task}Kinematic-v0"
+            if name not in gymnasium.registry:
                 gymnasium.register(
-                    many,
-                    vector_entry_point="selftouch_drake.envs.vector:SelfTouchVectorEnv",
+                    name,
+                    vector_entry_point=f"{folder}.vector:SelfTouchVectorEnv",
                     max_episode_steps=max_episode_steps,
                     kwargs={"task": task, **kwargs},
                 )

@@ -201,3 +201,17 @@ class SelfTouchVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
             found["likeness"] = likeness(observation["achieved_goal"], observation["desired_goal"])
             found["is_success"] = found["likeness"] >= REACHED
         return found | {f"_{key}": every for key in found}
+
+
+class ReachVectorEnv(SelfTouchVectorEnv):
+    """Many robots that reach a wanted sensation; arguments as in `SelfTouchVectorEnv`."""
+
+    def __init__(self, num_envs: int = 1, **kwargs: Any):
+        super().__init__(num_envs, task="Reach", **kwargs)
+
+
+class SlideVectorEnv(SelfTouchVectorEnv):
+    """Many robots that slide to a wanted sensation; arguments as in `SelfTouchVectorEnv`."""
+
+    def __init__(self, num_envs: int = 1, **kwargs: Any):
+        super().__init__(num_envs, task="Slide", **kwargs)

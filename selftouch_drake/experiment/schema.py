@@ -307,7 +307,7 @@ class Skin(Settings):
             shape, remedy = self.surface.shape, "give receptors a file, or another shape"
             require(shape != "receptors", "surface.shape", shape, remedy)
             number, mode = self.num_receptors, self.reading.mode
-            require(number <= 1000, "num_receptors", number, "give at most 1000")
+            require(number <= 10_000, "num_receptors", number, "give at most 10000")
             require(mode != "centre", "reading.mode", mode, "give receptors a file with groups")
         return self
 

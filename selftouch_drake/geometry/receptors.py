@@ -14,7 +14,7 @@ from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.geometry.geodesics import surface_paths
 from selftouch_drake.lazy import trimesh
 
-FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 1000
+FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 10_000
 
 # Every point of the skin is felt by at least this number of receptors.
 OVERLAP = 3
@@ -108,7 +108,7 @@ def place_receptors(
 
     Args:
         surface: Closed outer surface in the link's frame L, m.
-        num_receptors: 4 to 1000.
+        num_receptors: 4 to 10,000.
         seed: Chooses the first vertex, and the side where receptors are few.
         unevenness: 0 to below 1; at u, receptors there are 1 / (1 - u) times as far apart as on
             the other side.
@@ -153,15 +153,14 @@ def receptive_fields(
     _, nearest = cKDTree(surface.vertices).query(p_LS)
     paths = surface_paths(surface)
     for reach in (3 * math.sqrt(surface.area / len(p_LS)), np.inf):
-        distance = dijkstra(paths, indices=nearest, limit=reach)
-        farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
+        distance, farthest = _distances_within(paths, nearest, reach)
         if (radius := width * FIELD_MARGIN * farthest) <= reach:
             break
-    # In place: for a thousand receptors, one such table takes a few hundred megabytes.
-    bump = np.square(np.divide(distance, radius, out=distance), out=distance)
-    np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)
-    vertex_weights = csr_matrix(bump.T)
-    total = np.maximum(bump.T.sum(axis=1), 1.0 if width < 1 else 0.0)
+    bump = np.square(np.maximum(1 - np.square(distance.data / radius), 0))
+    vertex_weights = csr_matrix((bump, distance.indices, distance.indptr), distance.shape)
+    vertex_weights.eliminate_zeros()
+    vertex_weights = vertex_weights.T.tocsr()
+    total = np.maximum(vertex_weights @ np.ones(len(p_LS)), 1.0 if width < 1 else 0.0)
     vertex_weights.data /= np.repeat(total, np.diff(vertex_weights.indptr))
     return ReceptiveFields(
         p_LS=surface.vertices[nearest],
@@ -170,6 +169,25 @@ def receptive_fields(
         vertex_weights=vertex_weights,
         radius=float(radius),
     )
+
+
+def _distances_within(
+    paths: csr_matrix, centre: np.ndarray, reach: float
+) -> tuple[csr_matrix, float]:
+    """`(S, V)` m, sparse, distances up to `reach` from `(S,)` vertices along the surface.
+
+    Also the largest distance from a vertex to its third nearest centre: infinite if there is none
+    within reach. A dense table would take gigabytes for some thousand receptors.
+    """
+    rows, nearest = [], np.full((OVERLAP, paths.shape[0]), np.inf)
+    for some in np.array_split(centre, len(centre) // _AT_ONCE + 1):
+        distance = dijkstra(paths, indices=some, limit=reach)
+        nearest = np.sort(np.concatenate([nearest, distance]), axis=0)[:OVERLAP]
+        row, vertex = np.nonzero(np.isfinite(distance))
+        ends = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(some)))])
+        # Zeros, which are the centres themselves, are kept.
+        rows.append(csr_matrix((distance[row, vertex], vertex, ends), distance.shape))
+    return vstack(rows, format="csr"), float(nearest[-1].max())
 
 
 def placed_fields(

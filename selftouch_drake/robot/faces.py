@@ -6,7 +6,9 @@ read from that.
 """
 
 import struct
+import threading
 from collections.abc import Iterator, Set
+from functools import cache
 from typing import Any, NamedTuple
 
 import drake
@@ -14,13 +16,20 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.geometry import ContactSurface, GeometryId
 from pydrake.multibody.plant import ContactResults, ContactResultsToLcmSystem, MultibodyPlant
+from pydrake.systems.framework import Context
 from pydrake.systems.lcm import _Serializer_
 
 from selftouch_drake.compiled import compiled
 from selftouch_drake.robot.models import one_line
 
+_VALUE = Value[ContactResults]
+
 # As they are in a message.
 _NUMBERS = {"double": ">f8", "int32_t": ">i4", "int64_t": ">i8", "boolean": "?"}
+_SIZES = {number: np.dtype(number).itemsize for number in _NUMBERS.values()}
+_COUNT = struct.Struct(">i")
+# What is read of a contact; to skip the rest halves the time.
+_NEEDED = {"poly_data", "p_WV", "pressure"}
 
 
 class Faces(NamedTuple):
@@ -58,7 +67,16 @@ class FaceReader:
         # there.
         with one_line("contacts cannot be read"):
             self._to_message = ContactResultsToLcmSystem(plant)
+        self._input = self._to_message.get_input_port(0)
+        self._output = self._to_message.get_output_port(0)
         self._encode = _Serializer_[drake.lcmt_contact_results_for_viz]().Serialize
+        self._of_thread = threading.local()
+
+    def _own_context(self) -> Context:
+        """A context of this thread, which is used again: a new one takes longer than a message."""
+        if not hasattr(self._of_thread, "context"):
+            self._of_thread.context = self._to_message.CreateDefaultContext()
+        return self._of_thread.context
 
     def read(self, contact: ContactResults, geometries: Set[GeometryId]) -> "Iterator[Faces]":
         """The faces of each contact of one of some geometries."""
@@ -69,11 +87,11 @@ class FaceReader:
         ends = [(surface.id_M(), surface.id_N()) for surface in surfaces]
         if all(geometries.isdisjoint(pair) for pair in ends):
             return
-        context = self._to_message.CreateDefaultContext()
-        self._to_message.get_input_port(0).FixValue(context, Value[ContactResults](contact))
-        data = self._encode(self._to_message.get_output_port(0).EvalAbstract(context))
+        context = self._own_context()
+        self._input.FixValue(context, _VALUE(contact))
+        data = self._encode(self._output.EvalAbstract(context))
         # A message starts with the eight bytes of its type.
-        message, _ = _decode(drake.lcmt_contact_results_for_viz, data, 8)
+        message, _ = _decode(_fields(drake.lcmt_contact_results_for_viz), data, 8)
         read = message["hydroelastic_contacts"]
         for surface, pair, found in zip(surfaces, ends, read, strict=True):
             if not geometries.isdisjoint(pair):
@@ -85,25 +103,57 @@ class FaceReader:
                 yield Faces(pair, *_of_polygons(polygons, p.reshape(-1, 3), pressure, num_faces))
 
 
-def _decode(kind: Any, data: bytes, at: int) -> tuple[dict[str, Any], int]:
-    """The fields of an LCM message from a place in its bytes, without texts, and where it ends."""
-    found: dict[str, Any] = {}
+class _Field(NamedTuple):
+    """A field of an LCM type.
+
+    Attributes:
+        name: of the field.
+        size: bytes of an item; 0 for a text, and for a part.
+        number: its type in NumPy; empty for a text, and for a part.
+        part: the fields of an item that has fields itself.
+        shape: how many items, or the field that says it; None for a single one.
+    """
+
+    name: str
+    size: int
+    number: str
+    part: "tuple[_Field, ...]"
+    shape: int | str | None
+
+
+@cache
+def _fields(kind: Any) -> tuple[_Field, ...]:
+    """The fields of an LCM type, in their order."""
+    found = []
     for name, called, shape in zip(
         kind.__slots__, kind.__typenames__, kind.__dimensions__, strict=True
     ):
-        num = 1 if shape is None else found.get(shape[0], shape[0])
-        if called == "string":
-            at += 4 + struct.unpack_from(">i", data, at)[0]
-        elif number := _NUMBERS.get("double" if called == "drake.lcmt_point" else called):
-            num *= 3 if called == "drake.lcmt_point" else 1
-            values = np.frombuffer(data, number, num, at)
-            found[name] = values[0] if shape is None else values
-            at += values.nbytes
-        else:
+        number = _NUMBERS.get("double" if called == "drake.lcmt_point" else called, "")
+        size = np.dtype(number).itemsize if number else 0
+        size *= 3 if called == "drake.lcmt_point" else 1
+        is_part = not number and called != "string"
+        part = _fields(getattr(drake, called.removeprefix("drake."))) if is_part else ()
+        found.append(_Field(name, size, number, part, None if shape is None else shape[0]))
+    return tuple(found)
+
+
+def _decode(fields: tuple[_Field, ...], data: bytes, at: int) -> tuple[dict[str, Any], int]:
+    """What is needed of an LCM message from a place in its bytes, and where it ends."""
+    found: dict[str, Any] = {}
+    for name, size, number, part, shape in fields:
+        num = 1 if shape is None else found[shape] if isinstance(shape, str) else shape
+        if name in _NEEDED:
+            found[name] = np.frombuffer(data, number, num * size // _SIZES[number], at)
+        elif size == _SIZES[">i4"] and shape is None:
+            (found[name],) = _COUNT.unpack_from(data, at)
+        elif part:
             found[name] = []
             for _ in range(num):
-                part, at = _decode(getattr(drake, called.removeprefix("drake.")), data, at)
-                found[name].append(part)
+                item, at = _decode(part, data, at)
+                found[name].append(item)
+        elif not size:
+            at += 4 + _COUNT.unpack_from(data, at)[0]
+        at += num * size
     return found, at
 
 

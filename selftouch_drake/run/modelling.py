@@ -2,14 +2,18 @@
 
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
 
 import numpy as np
 
 from selftouch_drake.agent.body_model.asking import ask_for_model
 from selftouch_drake.agent.body_model.model import BodyModel, rejected
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.quotient.threads import mapped
 from selftouch_drake.run.artifacts import save_body_model, stored_sensations
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import SHARDS_AHEAD, map_ahead
 from selftouch_drake.run.worlds import make_world
 
 
@@ -18,10 +22,12 @@ def find_model(
     representation: QuotientRepresentation,
     *,
     progress: Callable[[float, str], None],
+    executor: Executor | None = None,
 ) -> BodyModel:
     """Asks whether the joints turn or slide something rigid, and keeps the answer in the run.
 
-    The representation is only read. The fit takes all cores of this machine.
+    The representation is only read. The starts of the fit go to the executor, and to all
+    cores of this machine if there is none: the bytes are the same.
     """
     num_rows, num_joints = representation.kernel_q.shape
     names = joint_names(run, num_joints)
@@ -44,6 +50,7 @@ def find_model(
         joint_names=names,
         seed=run.experiment.seed,
         progress=progress,
+        each=partial(map_ahead, executor, SHARDS_AHEAD) if executor else mapped,
     )
     save_body_model(run, model)
     run.add_metrics(

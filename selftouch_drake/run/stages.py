@@ -159,7 +159,7 @@ def learn(
 
     If all but the body model is there, because an older version learned or learning was
     interrupted, only the model is made. The executor, whose processes see the run, reads the
-    experience; by default this process does.
+    experience and takes the starts of the model's fit; by default this process does.
 
     Raises:
         RunError: the experience is not complete.
@@ -176,7 +176,7 @@ def learn(
     representation = _without_model(run)
     if representation is None:
         representation = _learn_quotient(run, _part(progress, 0.0, share), executor)
-    find_model(run, representation, progress=_part(progress, share, 1.0))
+    find_model(run, representation, progress=_part(progress, share, 1.0), executor=executor)
     progress(1.0, "learned")
     return representation
 

@@ -110,6 +110,7 @@ SMALL: dict[str, list[str]] = {
     "others/foreign": ["--humanoid", *FEW, "--pairs=1", "--out={tmp}"],
     "accuracy/body_model": ["sphere", "--seeds=1", "--touches=3000", "--runs={tmp}"],
     "accuracy/body_model_judged": ["--kinds", "right", "--seeds=0", "--touches=3000", "--jobs=1"],
+    "accuracy/assumption": ["--kinds=none", "--seeds=1", "--touches=2500", "--pairs=1"],
     "accuracy/before_practice": ["{run}", "--pairs=2", "--ways", "imagined", "no_slides"],
     "accuracy/few_touches": [
         "sphere",

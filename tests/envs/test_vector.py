@@ -22,7 +22,7 @@ FEW = {
 
 def made(name: str = "SphereReach", num_envs: int = N, **kwargs) -> gymnasium.vector.VectorEnv:
     return gymnasium.make_vec(
-        f"selftouch_drake.envs:SelfTouch/{name}Kinematic-v0",
+        f"selftouch_drake.envs:SelfTouch/{name}-v0",
         num_envs=num_envs,
         vectorization_mode="vector_entry_point",
         **kwargs,
@@ -208,3 +208,23 @@ def test_every_robot_and_task_is_registered():
         many = gymnasium.spec(name.replace("-v0", "Kinematic-v0"))
         assert many.max_episode_steps == gymnasium.spec(name).max_episode_steps
         assert name.endswith(f"{many.kwargs['task']}-v0")
+
+
+@pytest.mark.parametrize("task", ["", "Reach", "Slide"])
+def test_one_name_is_many_robots_both_ways(task):
+    name = f"selftouch_drake.envs:SelfTouch/Sphere{task}-v0"
+    many = gymnasium.make_vec(name, num_envs=2)
+    copies = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync")
+    assert isinstance(many.unwrapped, SelfTouchVectorEnv)
+    assert isinstance(copies, gymnasium.vector.SyncVectorEnv)
+    assert many.observation_space == copies.observation_space
+    assert many.action_space == copies.action_space
+    # Dynamics take time to follow an action; robots without dynamics follow it at once.
+    ahead = np.full(many.action_space.shape, 0.5, dtype=np.float32)
+    moved = []
+    for env in (many, copies):
+        before, _ = env.reset(seed=0)
+        after, *_ = env.step(ahead)
+        moved.append(np.abs(after["observation"] - before["observation"])[:, :6].max())
+        env.close()
+    assert moved[0] > moved[1] > 0

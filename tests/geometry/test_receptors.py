@@ -116,11 +116,28 @@ def test_few_and_many_receptors_share_out_everything(num_receptors):
     assert nearest.min() > 0.5 * np.sqrt(surface.area / num_receptors)
 
 
-@pytest.mark.parametrize("num_receptors", [3, 1001])
+@pytest.mark.parametrize("width", [1.0, 0.7])
+def test_fields_of_many_blocks_are_those_of_one_table(width, monkeypatch):
+    surface = surfaces.capsule(0.04, 0.2)
+    p_LS = receptors.place_receptors(surface, 30, seed=0)
+    fields = receptors.receptive_fields(surface, p_LS, width=width)
+    paths = geodesics.surface_paths(receptors._refined(surface, np.sqrt(surface.area / 30)))
+    centre = np.linalg.norm(fields.vertices - fields.p_LS[:, None], axis=2).argmin(axis=1)
+    distance = dijkstra(paths, indices=centre)
+    assert fields.radius == width * 1.15 * np.sort(distance, axis=0)[2].max()
+    bump = np.square(np.maximum(1 - np.square(distance / fields.radius), 0))
+    total = np.maximum(bump.sum(axis=0), 1.0 if width < 1 else 0.0)
+    np.testing.assert_allclose(fields.vertex_weights.toarray(), (bump / total).T, atol=1e-15)
+    monkeypatch.setattr(receptors, "_AT_ONCE", 7)
+    again = receptors.receptive_fields(surface, p_LS, width=width)
+    assert np.array_equal(again.vertex_weights.toarray(), fields.vertex_weights.toarray())
+
+
+@pytest.mark.parametrize("num_receptors", [3, 10_001])
 def test_too_few_or_too_many_receptors_are_refused(num_receptors):
     with pytest.raises(ValueError, match="num_receptors") as caught:
         receptors.place_receptors(STANDARD_BODIES["cube"], num_receptors, seed=0)
-    assert str(caught.value) == f"num_receptors is {num_receptors}; give 4 to 1000"
+    assert str(caught.value) == f"num_receptors is {num_receptors}; give 4 to 10000"
 
 
 def test_paths_on_a_sphere_are_great_circles():

@@ -1,6 +1,7 @@
 """Asks for the body model of what an agent has learned."""
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -10,6 +11,9 @@ from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.quotient.threads import mapped
 
+if TYPE_CHECKING:
+    from selftouch_drake.agent.body_model.fit import Each
+
 
 def ask_for_model(
     representation: QuotientRepresentation,
@@ -18,8 +22,9 @@ def ask_for_model(
     joint_names: Sequence[str] | None = None,
     seed: int = 0,
     progress: Callable[[float, str], None] = lambda fraction, doing: None,
+    each: "Each" = mapped,
 ) -> BodyModel:
-    """Asks whether the joints turn or slide something rigid; takes all cores of this machine.
+    """Asks whether the joints turn or slide something rigid.
 
     Args:
         representation: what was learned; it is only read.
@@ -28,6 +33,7 @@ def ask_for_model(
         joint_names: `(J,)` carried along; numbers by default.
         seed: of the fit.
         progress: called with the fraction done and what is being done.
+        each: maps starts of the fit, by default over all cores of this machine.
 
     Returns:
         The model with its judgement; it may be rejected.
@@ -47,7 +53,7 @@ def ask_for_model(
             double=pressing_two(representation),
             seed=seed,
             progress=progress,
-            each=mapped,
+            each=each,
         )
 
 

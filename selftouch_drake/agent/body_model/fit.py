@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -237,15 +238,27 @@ def descended(
         draws = smooth[0].draw(q, how)
     else:
         draws = draw(q, kernels, how, np.random.default_rng(seed), weight)
-    toucher = np.zeros(len(groups), dtype=np.int64) if touchers is None else np.array(touchers)
+    toucher = np.zeros(len(groups)) if touchers is None else np.array(touchers)
+    toucher = toucher.astype(np.int64)
 
-    def block(start: int) -> Bodies:
-        some = bodies.pick(np.arange(start, min(start + _BLOCK, len(bodies))))
-        ways = packed(some.ways, toucher.astype(np.int64))
-        loss = descend(draws, ways, some.twists, some.points, how.rate, how.tail)
-        return replace(some, loss=np.where(np.isfinite(loss), loss, np.inf))
+    work = partial(_descended, draws, toucher, how)
+    starts = range(0, len(bodies), _BLOCK)
+    blocks = [bodies.pick(np.arange(k, min(k + _BLOCK, len(bodies)))) for k in starts]
+    return Bodies.joined(list(each(work, blocks)))
 
-    return Bodies.joined(list(each(block, range(0, len(bodies), _BLOCK))))
+
+def _descended(draws: Draws, toucher: np.ndarray, how: Descent, bodies: Bodies) -> Bodies:
+    """A block of bodies after a descent; it may have come from another process.
+
+    What comes from there cannot be written, and to the compiler that is another type of array.
+    """
+    if not draws.q.flags.writeable:
+        arrays = {name: each for name, each in draws._asdict().items() if each.ndim}
+        draws = draws._replace(**{name: each.copy(order="K") for name, each in arrays.items()})
+    bodies = bodies.pick(np.arange(len(bodies)))
+    ways = packed(bodies.ways, toucher.copy())
+    loss = descend(draws, ways, bodies.twists, bodies.points, how.rate, how.tail)
+    return replace(bodies, loss=np.where(np.isfinite(loss), loss, np.inf))
 
 
 def packed(ways: list[list[Way]], toucher: np.ndarray) -> Ways:

@@ -5,6 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
+# Rows that are dense at once: bounds the memory, which 5,000 receptors would fill with gigabytes.
+_AT_ONCE = 2048
+
 
 def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) -> csr_array:
     """`(R, S)` float32, unit L2 norm: the sensations of stored configurations.
@@ -21,10 +24,12 @@ def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) 
     first, parts = 0, []
     for batch in sensations:
         start, stop = np.searchsorted(rising, [first, first + len(batch)])
-        # Double precision: the squares of very light touches underflow in single precision.
-        rows = batch[rising[start:stop] - first].astype(float)
-        felt = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-        parts.append(csr_array(felt.astype(np.float32)))
+        wanted = rising[start:stop] - first
+        for some in np.array_split(wanted, len(wanted) // _AT_ONCE + 1):
+            # Double precision: the squares of very light touches underflow in single precision.
+            rows = batch[some].astype(float)
+            felt = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+            parts.append(csr_array(felt.astype(np.float32)))
         first += len(batch)
     if first <= rising[-1]:
         raise ValueError(

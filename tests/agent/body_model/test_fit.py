@@ -1,5 +1,6 @@
 """Descents of many bodies: gradients by hand, wrong labels, and the same bytes in threads."""
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -106,6 +107,30 @@ def test_threads_and_blocks_do_not_change_a_byte():
     for name in ("twists", "points", "loss"):
         assert np.array_equal(getattr(alone, name), getattr(together, name))
         assert np.array_equal(getattr(alone, name)[13:14], getattr(one, name))
+
+
+def elsewhere(work, blocks):
+    """Calls as another process makes them, which gets arrays that it may not write."""
+
+    def sent(thing):
+        buffers: list[pickle.PickleBuffer] = []
+        data = pickle.dumps(thing, protocol=5, buffer_callback=buffers.append)
+        return pickle.loads(data, buffers=[bytes(buffer.raw()) for buffer in buffers])
+
+    return [sent(sent(work)(sent(block))) for block in blocks]
+
+
+def test_blocks_can_be_sent_to_another_process():
+    q, target, _ = touches(*an_arm(), number=1000)
+    q, group = standard(q), Group.of(np.arange(len(q)), target)
+    bodies = random_bodies(
+        [[chain_way(range(4))] for _ in range(9)], 4, 1, np.random.default_rng(0)
+    )
+    how = Descent(steps=5)
+    here = descended(q, [group], bodies, how, 7)
+    there = descended(q, [group], bodies, how, 7, each=elsewhere)
+    for name in ("loss", "twists", "points"):
+        assert np.array_equal(getattr(here, name), getattr(there, name))
 
 
 def test_where_arrays_lie_in_memory_does_not_change_a_byte():
