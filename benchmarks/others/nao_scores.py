@@ -1,0 +1,280 @@
+"""Part of `nao.py`: the touches of the Nao's files, and a found body beside the nominal one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+from scipy.spatial.transform import Rotation
+
+from selftouch_drake.agent.body_model.both_sides.problem import Body, Problem, shares
+from selftouch_drake.agent.body_model.both_sides.recordings import Layout, Recording
+
+# The modules of each skin: those of its first patch, then those of its second.
+ARM = ([*range(16)], [19, 20, 21, 22, 23, 25, 26, 31])
+MODULES = {
+    "torso": ([*range(6), *range(8, 16)], [16, 17, 18, *range(24, 32)]),
+    "head": ([*range(9), 12, 13, 15], [*range(16, 25), 28, 29, 31]),
+    "leftArm": ARM,
+    "rightArm": ARM,
+}
+# A module has ten taxels and two sensors of temperature.
+TAXELS = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
+NUM_TAXELS = 384
+# Joints as the files sort them: by name.
+OF_ARM = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw")
+OF_HEAD = ("HeadYaw", "HeadPitch")
+JOINTS = sorted([*(side + joint for side in "LR" for joint in OF_ARM), *OF_HEAD])
+LEFT, RIGHT = ([JOINTS.index(side + joint) for joint in OF_ARM] for side in "LR")
+HEAD = [JOINTS.index(joint) for joint in OF_HEAD]
+HOLDER = {
+    "leftArm": "left",
+    "leftFinger": "left",
+    "rightArm": "right",
+    "rightFinger": "right",
+    "head": "head",
+    "torso": "",
+}
+LAYOUT = Layout(
+    limbs={"right": RIGHT, "left": LEFT, "head": HEAD},
+    holder=HOLDER,
+    mirrored=(("right", "left"),),
+)
+# Files that are fitted: `head_leftFinger` is 27 mm off even by the nominal description.
+HANDS = ("leftArm_rightFinger", "rightArm_leftFinger")
+FITTED = (
+    *("torso_rightFinger", "rightArm_torso", "rightArm_head"),
+    *("torso_leftFinger", "leftArm_torso", "leftArm_head"),
+    *HANDS,
+)
+# Rows of the repository's Denavit-Hartenberg tables (`loadNAO.m`): a, d in mm, alpha, offset.
+_QUARTER = np.pi / 2
+
+
+def _arm_rows(side: int) -> list[tuple[float, float, float, float]]:
+    return [
+        (0, 100, -_QUARTER, 0),
+        (0, 98 * side, _QUARTER, 0),
+        (0, 0, _QUARTER, _QUARTER),
+        (15 * side, 105, -_QUARTER, 0),
+        (0, 0, _QUARTER, 0),
+        (0, 55.95, -_QUARTER, np.pi),
+    ]
+
+
+DH = {
+    "left": _arm_rows(1),
+    "right": _arm_rows(-1),
+    "head": [(0, 126.5, 0, 0), (0, 0, -_QUARTER, 0), (0, 0, 0, 0)],
+}
+# Mounts of the skins, from the same file: m, and a turn as a vector in rad.
+MOUNTS = {
+    "rightArm": (-0.0292, -0.0300, -0.0222, -0.5452, 1.7668, 1.9904),
+    "leftArm": (0.0295, -0.0682, -0.0259, 1.5291, 0.5315, -0.4926),
+    "torso": (0.0646, 0.0006, 0.0468, -0.0012, 0.0427, 0.0005),
+    "head": (0.0597, -0.0704, -0.0013, 1.5512, -0.2112, -0.2574),
+}
+
+
+def filed_positions(path: Path, skin: str) -> np.ndarray:
+    """`(384, 3)` mm, NaN where there is no taxel: sums of mount, patch, module and taxel."""
+    shifts = 1e3 * np.loadtxt(path / "Transformations" / f"{skin}.txt")
+    first, second = MODULES[skin]
+    modules, taxels = [*first, *second], shifts[3 + len(first) + len(second) :]
+    positions = np.full((NUM_TAXELS, 3), np.nan)
+    for number, module in enumerate(modules):
+        corner = shifts[1 if number < len(first) else 2] + shifts[3 + number]
+        own = taxels[len(TAXELS) * number :][: len(TAXELS)]
+        positions[12 * module + np.array(TAXELS)] = corner + own
+    return positions
+
+
+def touches(path: Path, name: str, skin: str) -> tuple[np.ndarray, np.ndarray]:
+    """`(n, 12)` rad joints, and `(n, 384)` bool taxels of one skin that were on."""
+    file = scipy.io.loadmat(path / "Datasets" / f"{name}.mat", simplify_cells=True)
+    joints, active = [], np.zeros((len(file[skin]), NUM_TAXELS), dtype=bool)
+    for row, touch in zip(active, file[skin], strict=True):
+        if "activatedUn" in touch:  # the older files have places, then the number
+            on = np.atleast_2d(touch["activatedUn"]).reshape(-1, 4)[:, 3]
+        else:
+            on = np.atleast_1d(touch["activatedTaxels"])
+        row[on.astype(int)] = True
+        joints.append([touch["angles"][joint] for joint in sorted(touch["angles"])])
+    return np.array(joints), active
+
+
+def recording(path: Path, name: str) -> Recording:
+    """Touches of one file that every skin in it felt."""
+    one, other = name.split("_")
+    if "Finger" in other:
+        (q, below), above, ends = touches(path, name, one), None, (other, one)
+        felt = below.any(axis=1)
+    else:
+        (q, above), (_, below) = touches(path, name, one), touches(path, name, other)
+        felt, ends = above.any(axis=1) & below.any(axis=1), (one, other)
+    whole = Recording(
+        name=name, above=ends[0], below=ends[1], q=q, felt_above=above, felt_below=below
+    )
+    return whole.some(np.flatnonzero(felt))
+
+
+def dh_motion(row: tuple[float, float, float, float]) -> np.ndarray:
+    """`(4, 4)` motion of one row of a Denavit-Hartenberg table, its joint at 0."""
+    a, d, alpha, theta = row
+    (ct, st), (ca, sa) = (np.cos(theta), np.sin(theta)), (np.cos(alpha), np.sin(alpha))
+    return np.array(
+        [
+            [ct, -st * ca, st * sa, a * ct],
+            [st, ct * ca, -ct * sa, a * st],
+            [0, sa, ca, d],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def nominal_axes(limb: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`(L, 3)` axes, `(L, 3)` mm points on them, and the `(4, 4)` frame of the limb's end."""
+    frame, axes, points = np.eye(4), [], []
+    for row in DH[limb]:
+        axes.append(frame[:3, 2])
+        points.append(frame[:3, 3])
+        frame = frame @ dh_motion(row)
+    # The first row of an arm is fixed, the last row of the head.
+    chosen = slice(1, None) if limb != "head" else slice(0, 2)
+    return np.array(axes)[chosen], np.array(points)[chosen], frame
+
+
+def mount(skin: str) -> np.ndarray:
+    """`(4, 4)` filed mount of a skin, mm."""
+    motion = np.eye(4)
+    motion[:3, :3] = Rotation.from_rotvec(MOUNTS[skin][3:]).as_matrix()
+    motion[:3, 3] = 1e3 * np.array(MOUNTS[skin][:3])
+    return motion
+
+
+def similarity(
+    source: np.ndarray, target: np.ndarray, weight: np.ndarray, hand: int | None = None
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Scale, `(3, 3)` turn and shift: `scale * source @ turn + shift`; `hand` -1 mirrors."""
+    weight = weight / weight.sum()
+    here, there = weight @ source, weight @ target
+    u, s, vt = np.linalg.svd(((source - here) * weight[:, None]).T @ (target - there))
+    sign = np.ones(3)
+    if hand is not None:
+        sign[2] = hand * np.sign(np.linalg.det(u @ vt))
+    turn = u * sign @ vt
+    scale = (s * sign).sum() / (weight @ ((source - here) ** 2).sum(axis=1))
+    return scale, turn, there - scale * here @ turn
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Score:
+    """A body beside the nominal description.
+
+    Attributes:
+        axes: degrees of each joint's axis, for each limb.
+        gaps: mm of each nominal joint's centre from the line that was found.
+        held_out: mm medians by file.
+        shuffled: the same, sensations below exchanged between touches.
+        taxels: mm root mean square distance from the filed places, by skin, after a similarity.
+        unit: mm of a contact's diameter.
+        hand: 1, or -1 for the mirror image.
+    """
+
+    axes: dict[str, list[float]]
+    gaps: dict[str, list[float]]
+    held_out: dict[str, float]
+    shuffled: dict[str, float]
+    taxels: dict[str, float]
+    unit: float
+    hand: int
+
+    def worst(self, *limbs: str) -> float:
+        """Worst axis of some limbs."""
+        return max(max(self.axes[limb]) for limb in limbs)
+
+
+def scored(body: Body, row: np.ndarray, held_out: list[Recording], path: Path) -> Score:
+    """A body beside the nominal one, in the frame that its torso's taxels give.
+
+    Length and frame of a found body are its own: its scale is the one that makes the extent of
+    the torso's taxels that of the filed ones, its frame the rigid one that lays them over the
+    filed ones, or their mirror image, whichever brings the axes nearer.
+    """
+    placed = {skin: _placed(body, row, skin, path) for skin in body.skins}
+    taxels = {}
+    for skin, (own, filed, _) in placed.items():
+        scale, turn, shift = similarity(own, filed, np.ones(len(own)))
+        taxels[skin] = float(np.sqrt(((scale * own @ turn + shift - filed) ** 2).sum(1).mean()))
+    own, filed, weight = placed["torso"]
+    unit = np.sqrt(filed.var(axis=0).sum() / own.var(axis=0).sum())
+    best: tuple[float, dict[str, list[float]], dict[str, list[float]], int] | None = None
+    for hand in (1, -1):
+        axes, gaps = _beside_nominal(body, row, similarity(own, filed, weight, hand), hand)
+        mean = float(np.mean(np.concatenate(list(axes.values()))))
+        if best is None or mean < best[0]:
+            best = mean, axes, gaps, hand
+    assert best is not None
+    files, shuffled = {}, {}
+    for one in held_out:
+        files[one.name] = unit * float(np.median(apart(body, row, one)))
+        shuffled[one.name] = unit * float(np.median(apart(body, row, one, shuffle=True)))
+    return Score(
+        axes=best[1], gaps=best[2], hand=best[3], held_out=files, shuffled=shuffled,
+        taxels=taxels, unit=float(unit),
+    )  # fmt: skip
+
+
+def apart(body: Body, row: np.ndarray, one: Recording, *, shuffle: bool = False) -> np.ndarray:
+    """`(t,)` distance between what touched and what was touched, in the body's own unit."""
+    rows, above, below = shares(body, one)
+    if shuffle:
+        below = below[np.random.default_rng(0).permutation(len(below))]
+    ends = []
+    for end, share in ((one.above, above), (one.below, below)):
+        point = share @ body.coefficients(row, end).astype(float)
+        for joint in reversed(body.layout.joints(end)):
+            axis = body.axes(row)[joint].astype(float)
+            turn = Rotation.from_rotvec(
+                one.q[rows, joint][:, None] * axis / np.linalg.norm(axis)
+            ).as_matrix()
+            centre = body.centres(row)[joint].astype(float)
+            point = np.einsum("nij,nj->ni", turn, point - centre) + centre
+        ends.append(point)
+    return np.linalg.norm(ends[0] - ends[1], axis=1)
+
+
+def _placed(
+    body: Body, row: np.ndarray, skin: str, path: Path
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of taxels felt five times: own places, filed ones in mm, how often they were felt."""
+    known, filed = body.skins[skin], filed_positions(path, skin)[body.skins[skin].receptor]
+    usable = (known.felt >= 5) & np.isfinite(filed[:, 0])
+    return body.places(row, skin)[usable], filed[usable], known.felt[usable].astype(float)
+
+
+def _beside_nominal(
+    body: Body, row: np.ndarray, gauge: tuple[float, np.ndarray, np.ndarray], hand: int
+) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    scale, turn, shift = gauge
+    frame = mount("torso")
+    axes, gaps = {}, {}
+    fitted = {end for end in body.ends}
+    for limb, joints in body.layout.limbs.items():
+        if not any(HOLDER[end] == limb for end in fitted):
+            continue
+        own = body.axes(row)[list(joints)].astype(float)
+        own = own / np.linalg.norm(own, axis=1, keepdims=True) @ turn @ frame[:3, :3].T * hand
+        centre = scale * body.centres(row)[list(joints)].astype(float) @ turn + shift
+        centre = centre @ frame[:3, :3].T + frame[:3, 3]
+        nominal, point, _ = nominal_axes(limb)
+        angle = np.degrees(np.arccos(np.clip((own * nominal).sum(axis=1), -1, 1)))
+        axes[limb] = angle.tolist()
+        gaps[limb] = np.linalg.norm(np.cross(point - centre, own), axis=1).tolist()
+    return axes, gaps
+
+
+def problem_of(body: Body, recordings: list[Recording]) -> Problem:
+    return Problem.of(body, recordings)
