@@ -9,8 +9,9 @@ import numpy as np
 import scipy.io
 from scipy.spatial.transform import Rotation
 
-from selftouch_drake.agent.body_model.both_sides.problem import Body, Problem, shares
+from selftouch_drake.agent.body_model.both_sides.problem import Body, Population, shares
 from selftouch_drake.agent.body_model.both_sides.recordings import Layout, Recording
+from selftouch_drake.agent.body_model.both_sides.start import any_turns
 
 # The modules of each skin: those of its first patch, then those of its second.
 ARM = ([*range(16)], [19, 20, 21, 22, 23, 25, 26, 31])
@@ -42,6 +43,8 @@ LAYOUT = Layout(
     holder=HOLDER,
     mirrored=(("right", "left"),),
 )
+# mm, roughly: where a fit of the nominal description begins.
+CONTACT = 30.0
 # Files that are fitted: `head_leftFinger` is 27 mm off even by the nominal description.
 HANDS = ("leftArm_rightFinger", "rightArm_leftFinger")
 FITTED = (
@@ -141,9 +144,8 @@ def nominal_axes(limb: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         axes.append(frame[:3, 2])
         points.append(frame[:3, 3])
         frame = frame @ dh_motion(row)
-    # The first row of an arm is fixed, the last row of the head.
-    chosen = slice(1, None) if limb != "head" else slice(0, 2)
-    return np.array(axes)[chosen], np.array(points)[chosen], frame
+    # The first row of each limb is fixed: a joint turns about the axis of the row before its own.
+    return np.array(axes)[1:], np.array(points)[1:], frame
 
 
 def mount(skin: str) -> np.ndarray:
@@ -261,7 +263,7 @@ def _beside_nominal(
     scale, turn, shift = gauge
     frame = mount("torso")
     axes, gaps = {}, {}
-    fitted = {end for end in body.ends}
+    fitted = set(body.ends)
     for limb, joints in body.layout.limbs.items():
         if not any(HOLDER[end] == limb for end in fitted):
             continue
@@ -276,5 +278,39 @@ def _beside_nominal(
     return axes, gaps
 
 
-def problem_of(body: Body, recordings: list[Recording]) -> Problem:
-    return Problem.of(body, recordings)
+def nominal_bodies(body: Body, number: int, random: np.random.Generator, path: Path) -> Population:
+    """Bodies as the repository describes them, with the skins of the arms turned at random.
+
+    The filed mounts of the arms are some 30 mm off, so where these skins are is looked for.
+    """
+    rows = np.zeros((number, body.length), dtype=np.float32)
+    frames = {"": np.eye(4)}
+    for limb, joints in LAYOUT.limbs.items():
+        axes, points, frames[limb] = nominal_axes(limb)
+        body.axes(rows)[:, list(joints)] = axes
+        body.centres(rows)[:, list(joints)] = points / CONTACT
+    for end in body.ends:
+        frame, own = frames[HOLDER[end]], body.coefficients(rows, end)
+        wrist = frame[:3, 3] / CONTACT + 0.7 * random.normal(size=(number, 3))
+        if end in body.points:
+            own[:, 0] = wrist
+            continue
+        skin = body.skins[end]
+        filed = filed_positions(path, end)[skin.receptor]
+        known = np.isfinite(filed[:, 0])
+        if end in ("torso", "head"):
+            motion = frame @ mount(end)
+            own[:] = _fitted(skin.basis, filed @ motion[:3, :3].T + motion[:3, 3], known)
+        else:
+            shape = _fitted(skin.basis, filed - filed[known].mean(axis=0), known)
+            own[:] = shape @ any_turns(number, random)
+            own[:, 0] += wrist
+    orders = np.tile(np.arange(len(JOINTS)), (number, 1))
+    return Population(rows=rows, orders=orders, loss=np.full(number, np.nan))
+
+
+def _fitted(basis: np.ndarray, place: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Coefficients of places in mm, with a little damping."""
+    own = basis[known]
+    damped = own.T @ own + 1e-2 * np.eye(basis.shape[1])
+    return np.linalg.solve(damped, own.T @ place[known]) / CONTACT

@@ -117,7 +117,7 @@ def _room(data, drawn):
 
 @inner_in_any_order
 def _mixed(coefficients, share, first, number, out):
-    """Writes `number` places: coefficients `(K, 3)`, flat, times `(K, N)` shares from `first` on."""
+    """Writes places: flat coefficients `(K, 3)`, times `number` columns of shares `(K, N)`."""
     size = len(coefficients) // 3
     for axis in range(3):
         row = out[axis]

@@ -246,8 +246,10 @@ def _laid_out(body: Body, recordings: Sequence[Recording]) -> Data:
         for side, own in enumerate((above, below)):
             share[side, : own.shape[1], first : first + len(own)] = own.T
     q = np.concatenate([q for q, *_ in collapsed])
-    skins = [body.skins[end] if end in body.skins else None for end in ends]
-    number = np.array([len(s.basis) if s and e in fitted else 0 for s, e in zip(skins, ends)])
+    skins = [body.skins.get(end) for end in ends]
+    number = np.array(
+        [len(body.skins[end].basis) if {end} & fitted & {*body.skins} else 0 for end in ends]
+    )
     basis = np.zeros((len(ends), sizes.max(), max(1, number.max())), dtype=np.float32)
     for end, skin in enumerate(skins):
         if skin is not None and number[end]:
@@ -292,9 +294,7 @@ def shares(body: Body, one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return rows, both[0][rows], both[1][rows]
 
 
-def collapse(
-    body: Body, one: Recording
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def collapse(body: Body, one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Postures of a recording: `(n, J)` readings, mean shares above and below, and weights."""
     rows, above, below = shares(body, one)
     q = one.q[rows]

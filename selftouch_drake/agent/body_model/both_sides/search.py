@@ -47,6 +47,10 @@ class Effort:
     last_steps: int = 1500
 
 
+#: What a search tries unless told otherwise.
+USUAL = Effort()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problems:
     """The recordings of a body in the order in which they are taken up.
@@ -99,7 +103,7 @@ class Problems:
         return self.whole.body
 
 
-def found(problems: Problems, seed: int, effort: Effort = Effort()) -> Population:
+def found(problems: Problems, seed: int, effort: Effort = USUAL) -> Population:
     """The best body found, as a population of one.
 
     Args:
@@ -149,7 +153,8 @@ def _second_limb(
     problems: Problems, parents: Population, each: int, random: np.random.Generator
 ) -> Population:
     """Mirror images of the first limb, fitted while all else is held; `each` for each parent."""
-    assert problems.second is not None and problems.pair is not None
+    assert problems.second is not None
+    assert problems.pair is not None
     body, pair = problems.body, problems.pair
     begun, _ = mirrored(body, parents, pair, each, random)
     free = body.free(*_parts_of(body, pair[1]))

@@ -3,6 +3,7 @@
 import numpy as np
 
 from selftouch_drake.agent.body_model.both_sides.problem import Body, Population, Problem
+from selftouch_drake.agent.shape.alignment import align
 
 # Spread of random centres, of points on the trunk, and of what begins as a mirror image, in
 # diameters of a contact.
@@ -88,13 +89,12 @@ def mirrored(
     beside = _BESIDE * random.normal(size=(len(rows), len(new), 3))
     body.centres(rows)[:, new] = image(body.centres(before)[:, known]) + beside
     held = [end for end in body.ends if layout.holder[end] == limb[0]]
-    middles = {
-        kind: np.mean([_middle(body, before, end) for end in held if (end in body.skins) == kind], 0)
-        for kind in {end in body.skins for end in held}
-    }
+    middles: dict[bool, list[np.ndarray]] = {}
+    for end in held:
+        middles.setdefault(end in body.skins, []).append(_middle(body, before, end))
     for end in [end for end in body.ends if layout.holder[end] == limb[1]]:
         scatter_end(body, rows, end, random)
-        there = middles.get(end in body.skins, next(iter(middles.values())))
+        there = np.mean(middles.get(end in body.skins, next(iter(middles.values()))), axis=0)
         body.coefficients(rows, end)[:, 0] = image(there[:, None])[:, 0]
     nothing = np.full(len(rows), np.nan)
     orders = parents.orders[parent].copy()
@@ -125,19 +125,11 @@ def unfolded(problem: Problem, rows: np.ndarray) -> np.ndarray:
         for row in rows:
             place = body.places(row, name)
             moved = np.full_like(place, 0)
-            moved[mapped] = continued(skin.first[mapped], skin.first[both], place[both])
+            moved[mapped] = align(skin.first[both], place[both], skin.first[mapped])
             target = np.where(placed[:, None], place, moved)
             ridge = 0.3 / len(weight)
             body.coefficients(row, name)[:] = _fitted(skin.basis, target, weight, ridge)
     return rows
-
-
-def continued(points: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Points, moved by the similarity that carries a source onto a target; mirrored if need be."""
-    middle, there = source.mean(axis=0), target.mean(axis=0)
-    u, s, vt = np.linalg.svd((source - middle).T @ (target - there))
-    scale = s.sum() / ((source - middle) ** 2).sum()
-    return scale * (points - middle) @ (u @ vt) + there
 
 
 def trunk_middle(body: Body, rows: np.ndarray) -> np.ndarray:
