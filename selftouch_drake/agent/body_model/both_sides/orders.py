@@ -18,7 +18,9 @@ from selftouch_drake.agent.body_model.both_sides.search import (
     USUAL,
     Effort,
     Problems,
+    best_of_each,
     refined,
+    second_limb,
     with_second_limb,
 )
 from selftouch_drake.agent.body_model.both_sides.start import at_random
@@ -27,6 +29,8 @@ from selftouch_drake.agent.body_model.both_sides.start import at_random
 CARRIED, LEFT, ANEW = "carried", "left", "anew"
 # Of more orders than this, so many are drawn.
 _MOST_ORDERS = 120
+# In one round of so many the second limb is drawn anew.
+_REDRAWN = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +48,9 @@ class OrderEffort:
     """
 
     starts: int = 4
-    polished: int = 48
-    carried: int = 32
-    images: int = 8
+    polished: int = 24
+    carried: int = 12
+    images: int = 12
     beam: int = 5
     rounds: int = 9
     stale: int = 3
@@ -72,8 +76,10 @@ def found_orders(
     each = Effort(carried=len(some.rows), images=effort.images, bundled=len(some.rows))
     some = distinct(with_second_limb(problems, some, random, each), effort.beam)
     best, stale = np.inf, 0
-    for _ in range(effort.rounds):
+    for turn in range(effort.rounds):
         some = _changed(problems, some, random, effort)
+        if turn % _REDRAWN == 1:
+            some = distinct(some.together(_redrawn(problems, some, random, effort)), effort.beam)
         stale = 0 if some.loss[0] < best - 0.1 else stale + 1
         best = min(best, some.loss[0])
         if stale >= effort.stale:
@@ -164,6 +170,17 @@ def _changed(
     kept = distinct(tried, effort.beam)
     kept = whole.descended(kept, steps=250, rate=0.02, sigmas=(0.4, SIGMA))
     return distinct(kept.together(some), effort.beam)
+
+
+def _redrawn(
+    problems: Problems, some: Population, random: np.random.Generator, effort: OrderEffort
+) -> Population:
+    """The same orders, the second limb begun once more as the mirror image of the first."""
+    if problems.second is None:
+        return some
+    begun = second_limb(problems, some, effort.images, random)
+    kept = begun.some(best_of_each(begun.loss, len(some.rows), 1))
+    return problems.whole.descended(kept, steps=350, rate=0.02, sigmas=(0.5, SIGMA))
 
 
 def _changes(body: Body, one: Population, random: np.random.Generator) -> Population:

@@ -140,16 +140,16 @@ def with_second_limb(
         return some
     rows = unfolded(problems.first, some.rows)
     some = Population(rows=rows, orders=some.orders, loss=some.loss)
-    begun = _second_limb(problems, some, effort.images, random)
+    begun = second_limb(problems, some, effort.images, random)
     number = max(1, effort.bundled // len(some.rows))
-    kept = begun.some(_best_of_each(begun.loss, len(some.rows), number))
+    kept = begun.some(best_of_each(begun.loss, len(some.rows), number))
     whole = problems.whole.descended(kept, steps=300, rate=0.02, sigmas=(0.5, SIGMA))
     return problems.whole.descended(
         whole.best(effort.bundled // 4), steps=500, rate=0.02, sigmas=(0.4, SIGMA)
     ).best(effort.bundled)
 
 
-def _second_limb(
+def second_limb(
     problems: Problems, parents: Population, each: int, random: np.random.Generator
 ) -> Population:
     """Mirror images of the first limb, fitted while all else is held; `each` for each parent."""
@@ -228,7 +228,7 @@ def _parts_of(body: Body, limb: str) -> tuple[list[str], list[int]]:
     return ends, list(body.layout.limbs[limb])
 
 
-def _best_of_each(loss: np.ndarray, parents: int, number: int) -> np.ndarray:
+def best_of_each(loss: np.ndarray, parents: int, number: int) -> np.ndarray:
     """Indices of the best children of each parent."""
     each = len(loss) // parents
     best = np.argsort(loss.reshape(parents, each), axis=1, kind="stable")[:, :number]
