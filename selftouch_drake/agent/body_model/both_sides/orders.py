@@ -84,7 +84,7 @@ def found_orders(
         best = min(best, some.loss[0])
         if stale >= effort.stale:
             break
-    some = problems.whole.descended(some, steps=700, rate=0.02, sigmas=(0.3, SIGMA)).best(
+    some = problems.whole.descended(some, steps=1000, rate=0.02, sigmas=(0.6, SIGMA)).best(
         effort.beam
     )
     first = refined(problems, some.some(slice(0, 1)), random, last)

@@ -38,13 +38,13 @@ class Effort:
         last_steps: of the final descent.
     """
 
-    starts: int = 192
-    carried: int = 16
-    images: int = 12
-    bundled: int = 32
+    starts: int = 96
+    carried: int = 12
+    images: int = 8
+    bundled: int = 24
     passes: int = 2
-    redrawn: int = 48
-    last_steps: int = 1500
+    redrawn: int = 32
+    last_steps: int = 4000
 
 
 #: What a search tries unless told otherwise.
@@ -171,7 +171,7 @@ def refined(
     for _ in range(effort.passes):
         for limb in parts:
             one = _lower(one, redrawn(problems, one, limb, random, effort))
-    last = problems.whole.descended(one, steps=effort.last_steps, rate=0.02, sigmas=(0.3, SIGMA))
+    last = problems.whole.descended(one, steps=effort.last_steps, rate=0.02, sigmas=(0.6, SIGMA))
     return _lower(one, last)
 
 
