@@ -15,7 +15,6 @@ from selftouch_drake.agent.body_model.both_sides.problem import Body, Population
 from selftouch_drake.agent.body_model.both_sides.recordings import Layout
 from selftouch_drake.agent.body_model.both_sides.search import (
     SIGMA,
-    USUAL,
     Effort,
     Problems,
     best_of_each,
@@ -47,29 +46,31 @@ class OrderEffort:
         stale: rounds without a better body after which the search ends.
     """
 
-    starts: int = 4
-    polished: int = 24
-    carried: int = 12
-    images: int = 12
-    beam: int = 5
-    rounds: int = 9
+    starts: int = 3
+    polished: int = 16
+    carried: int = 8
+    images: int = 8
+    beam: int = 4
+    rounds: int = 8
     stale: int = 3
 
 
 #: What a search for the order tries unless told otherwise.
 USUAL_FOR_ORDERS = OrderEffort()
+#: What is tried for the bodies of the best two orders.
+ONE_PASS = Effort(passes=1, redrawn=24)
 
 
 def found_orders(
-    problems: Problems, seed: int, effort: OrderEffort = USUAL_FOR_ORDERS, last: Effort = USUAL
+    problems: Problems, seed: int, effort: OrderEffort = USUAL_FOR_ORDERS, last: Effort = ONE_PASS
 ) -> Population:
-    """The best bodies of distinct orders, best first; the first one's parts were drawn anew.
+    """The best bodies of distinct orders, best first; parts of the best two were drawn anew.
 
     Args:
         problems: the recordings; the layout says which joints each limb has, in any order.
         seed: of all that is drawn.
         effort: how much is tried.
-        last: how much is tried for the body of the best order.
+        last: how much is tried for the bodies of the best two orders.
     """
     random = np.random.default_rng(seed)
     some = _first_orders(problems, random, effort)
@@ -87,8 +88,12 @@ def found_orders(
     some = problems.whole.descended(some, steps=1000, rate=0.02, sigmas=(0.6, SIGMA)).best(
         effort.beam
     )
-    first = refined(problems, some.some(slice(0, 1)), random, last)
-    return distinct(first.together(some), effort.beam)
+    # The next order of the first limbs has the same chances as the first one.
+    joints = [j for limb in _groups(problems.body)[0] for j in problems.body.layout.limbs[limb]]
+    other = (some.orders[:, joints] != some.orders[0, joints]).any(axis=1)
+    rivals = [0, *np.flatnonzero(other)[:1]]
+    fine = [refined(problems, some.some(slice(at, at + 1)), random, last) for at in rivals]
+    return distinct(some.together(*fine), effort.beam)
 
 
 def settled(body: Body, row: np.ndarray, order: np.ndarray) -> tuple[Body, np.ndarray]:
