@@ -231,7 +231,7 @@ def scored(body: Body, row: np.ndarray, held_out: list[Recording], path: Path) -
 
 def apart(body: Body, row: np.ndarray, one: Recording, *, shuffle: bool = False) -> np.ndarray:
     """`(t,)` distance between what touched and what was touched, in the body's own unit."""
-    rows, above, below = shares(body, one)
+    rows, above, below = shares(body.skins, one)
     if shuffle:
         below = below[np.random.default_rng(0).permutation(len(below))]
     ends = []

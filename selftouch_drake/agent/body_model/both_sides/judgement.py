@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.both_sides.orders import settled
 from selftouch_drake.agent.body_model.both_sides.problem import Body, Population
 
 #: Axes of two searches may differ by so many degrees, in the median and at worst.
@@ -23,8 +24,8 @@ class Agreement:
 
     Attributes:
         accepted: whether the body may be believed.
-        same_order: whether both searches found one order, but for joints that may be exchanged.
-        angles: `(J,)` degrees between the axes of both; NaN for joints that no recording needs.
+        same_order: whether both searches found one order.
+        angles: `(J,)` degrees between the axes of both.
         gap: by how much the next order is worse, in hundreds of the loss; infinite if the order
             was known.
         reason: a sentence with the figures.
@@ -37,45 +38,70 @@ class Agreement:
     reason: str
 
 
-def axes_apart(body: Body, row: np.ndarray, other: np.ndarray) -> np.ndarray:
+def axes_apart(first: tuple[Body, np.ndarray], second: tuple[Body, np.ndarray]) -> np.ndarray:
     """`(J,)` degrees between the axes of two bodies, seen in the frame of the trunk's skins.
 
     The mirror image of a body feels the same, so the better of both hands counts.
 
     Args:
-        body: skins and layout of both.
-        row: `(P,)` one body, whose joint and column agree.
-        other: `(P,)` the other one.
+        first: a body and its `(P,)` row, joint and column in agreement.
+        second: another one of the same joints; its skins may have other receptors.
     """
-    trunk = [end for end in body.skins if not body.layout.holder[end]]
-    here, there = (np.concatenate([body.places(one, end) for end in trunk]) for one in (row, other))
-    first, second = (_units(body.axes(one).astype(float)) for one in (row, other))
+    here, there = _shared_places(first, second)
+    own, other = (_units(body.axes(row).astype(float)) for body, row in (first, second))
     u, _, vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
-    best = np.full(len(first), np.inf)
+    angles = []
     for hand in (1, -1):
         turn = u * [1, 1, hand * np.sign(np.linalg.det(u @ vt))] @ vt
-        cosine = hand * ((first @ turn) * second).sum(axis=1)
-        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-        best = min(best, angle, key=np.mean)
-    return best
+        cosine = hand * ((own @ turn) * other).sum(axis=1)
+        angles.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return min(angles, key=np.mean)
 
 
-def compared(
-    body: Body,
-    found: tuple[np.ndarray, np.ndarray],
-    again: tuple[np.ndarray, np.ndarray],
-    gap: float,
-) -> Agreement:
+def _shared_places(
+    first: tuple[Body, np.ndarray], second: tuple[Body, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the trunk's receptors that both bodies know."""
+    here, there = [], []
+    for end in [end for end in first[0].skins if not first[0].layout.holder[end]]:
+        known = [body.skins[end].receptor for body, _ in (first, second)]
+        _, one, other = np.intersect1d(*known, return_indices=True)
+        here.append(first[0].places(first[1], end)[one])
+        there.append(second[0].places(second[1], end)[other])
+    return np.concatenate(here), np.concatenate(there)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What a search found.
+
+    Attributes:
+        body: its skins and layout, joint and column in agreement.
+        row: `(P,)` axes, centres and places.
+        order: `(J,)` column of the readings at each place of the limbs.
+    """
+
+    body: Body
+    row: np.ndarray
+    order: np.ndarray
+
+    @staticmethod
+    def best(body: Body, some: Population) -> "Found":
+        """The first of a population, with its limbs in the order that was found."""
+        there, row = settled(body, some.rows[0], some.orders[0])
+        return Found(body=there, row=row, order=some.orders[0])
+
+
+def compared(found: Found, again: Found, gap: float) -> Agreement:
     """Judges a body by a search that began anew.
 
     Args:
-        body: skins and layout of both, joint and column in agreement.
-        found: `(P,)` the body, and the `(J,)` order of its joints.
-        again: the same of the other search.
+        found: the body.
+        again: what the other search found.
         gap: by how much the next order is worse, in hundreds of the loss.
     """
-    angles = axes_apart(body, found[0], again[0])
-    same = bool((found[1] == again[1]).all())
+    angles = axes_apart((found.body, found.row), (again.body, again.row))
+    same = bool((found.order == again.order).all())
     median, worst = float(np.median(angles)), float(angles.max())
     accepted = same and median < AGREES and worst < AGREES_AT_WORST and gap > GAP
     orders = "the same order" if same else "another order"

@@ -278,7 +278,7 @@ def _laid_out(body: Body, recordings: Sequence[Recording]) -> Data:
     )
 
 
-def shares(body: Body, one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def shares(skins: Mapping[str, Skin], one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of a recording's touches that both ends can tell: rows, and mean basis above and below."""
     told = np.ones(len(one.q), dtype=bool)
     both = []
@@ -287,7 +287,7 @@ def shares(body: Body, one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarr
         if felt is None:
             both.append(np.ones((len(one.q), 1)))
             continue
-        share, felt_any = body.skins[end].shares(felt)
+        share, felt_any = skins[end].shares(felt)
         both.append(share)
         told &= felt_any
     rows = np.flatnonzero(told)
@@ -296,7 +296,7 @@ def shares(body: Body, one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 def collapse(body: Body, one: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Postures of a recording: `(n, J)` readings, mean shares above and below, and weights."""
-    rows, above, below = shares(body, one)
+    rows, above, below = shares(body.skins, one)
     q = one.q[rows]
     label = same_posture(q[:, body.layout.between(one)], _ONE_POSTURE)
     number = np.bincount(label).astype(float)
