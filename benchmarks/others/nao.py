@@ -3,6 +3,7 @@
     python benchmarks/others/nao.py body PATH --folds 0 1 2 3 4 --seeds 0 1
     python benchmarks/others/nao.py table PATH
     python benchmarks/others/nao.py nominal PATH
+    python benchmarks/others/nao.py limbs PATH
     python benchmarks/others/nao.py maps PATH [--files rightArm_torso ...]
 
 PATH is the folder `UserData/Robots/Nao/Dataset` of the public repository
@@ -12,8 +13,8 @@ both skins felt each touch.
 
 `body` looks for the body on eight files together, one fifth of the *postures* held out in turn, and
 keeps what it found. Kinematics, taxels, mounts and the order of joints (unless `--order given`) are
-unknown; which joints belong to which limb, and that the arms are a pair, is given. A body that was
-kept is not looked for again. `table` compares kept bodies with the repository's description and
+unknown; which joints and skins belong to which limb, and that the arms are a pair with which joints
+alike, is given (`limbs` tells joints from touches). A body that was kept is not looked for again. `table` compares kept bodies with the repository's description and
 with each other: a row for each fold and seed. `nominal` fits the same from that description.
 
 `maps` says where the taxels of one skin are, by `selftouch map`'s way, and beside it by plain
@@ -35,6 +36,7 @@ import csv
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -58,8 +60,9 @@ from scipy.spatial.distance import cdist
 from scipy.stats import spearmanr
 from sklearn.manifold import Isomap
 
-from selftouch_drake.agent.body_model.both_sides.judgement import compared, gap_between
-from selftouch_drake.agent.body_model.both_sides.orders import found_orders, settled
+from selftouch_drake.agent.body_model.both_sides.judgement import Found, compared, gap_between
+from selftouch_drake.agent.body_model.both_sides.limbs import limbs_of, relevance
+from selftouch_drake.agent.body_model.both_sides.orders import found_orders
 from selftouch_drake.agent.body_model.both_sides.problem import Body, Population
 from selftouch_drake.agent.body_model.both_sides.recordings import (
     Layout,
@@ -76,6 +79,7 @@ JUDGED = (
     *("leftArm_rightFinger", "rightArm_leftFinger", "rightArm_head"),
 )
 FOLDS = 5
+KINDS = ("unknown", "given", "unknown_without_hands", "given_without_hands")
 
 
 def split(
@@ -97,6 +101,21 @@ def layout_of(order: str) -> Layout:
         return LAYOUT
     limbs = {name: sorted(joints) for name, joints in LAYOUT.limbs.items()}
     return Layout(limbs=limbs, holder=LAYOUT.holder, mirrored=LAYOUT.mirrored)
+
+
+def tell_limbs(given: argparse.Namespace) -> None:
+    """Which joints each limb has, told from touches alone, for each fold."""
+    for fold in given.folds:
+        train, _ = split(given.path, fold)
+        matters = relevance(Body.of(train, LAYOUT).skins, train)
+        limbs = limbs_of(matters, train, LAYOUT.holder)
+        wrong = [
+            f"{JOINTS[joint]} to {name}"
+            for name, joints in limbs.items()
+            for joint in joints
+            if joint not in LAYOUT.limbs[name]
+        ]
+        print(f"fold {fold}: wrong: {', '.join(wrong) or 'none'}", flush=True)
 
 
 def kept_as(keep: Path, order: str, fold: int, seed: int) -> Path:
@@ -129,25 +148,50 @@ def read(path: Path) -> tuple[Population, float]:
         return one, float(file["seconds"])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Kept:
+    """A search that was kept: its fold and seed, what it found, and its bodies, best first."""
+
+    fold: int
+    seed: int
+    found: Found
+    some: Population
+    seconds: float
+
+
+def kept_of(given: argparse.Namespace, kind: str, order: str, fold: int) -> list[Kept]:
+    """Searches of one kind and fold that were kept, by seed."""
+    kept = sorted(given.keep.glob(f"{kind}_{fold}_*.npz"))
+    if not kept:
+        return []
+    files = [name for name in FITTED if not ("without" in kind and name in HANDS)]
+    train, _ = split(given.path, fold, files)
+    body = Body.of(train, layout_of(order))
+    result = []
+    for path in kept:
+        some, seconds = read(path)
+        seed = int(path.stem.rpartition("_")[2])
+        own = Found.best(body, some)
+        result.append(Kept(fold=fold, seed=seed, found=own, some=some, seconds=seconds))
+    return result
+
+
 def tabulate(given: argparse.Namespace) -> None:
-    """A row for each kept body, and a summary."""
+    """A row for each kept body, beside the description and the next one that was kept.
+
+    Bodies of one kind are in a ring, by seed and fold: each is judged by the next one, which began
+    anew on other postures.
+    """
     rows = []
-    for kind in ("unknown", "given", "unknown_without_hands", "given_without_hands"):
+    for kind in KINDS:
         order = kind.partition("_")[0]
-        for fold in range(FOLDS):
-            files = [name for name in FITTED if not ("without" in kind and name in HANDS)]
-            train, _ = split(given.path, fold, files)
-            test = split(given.path, fold)[1]
-            kept = sorted(given.keep.glob(f"{kind}_{fold}_*.npz"))
-            if not kept:
-                continue
-            body = Problems.of(train, layout_of(order)).body
-            some = [read(file) for file in kept]
-            for at, (one, seconds) in enumerate(some):
-                again = some[(at + 1) % len(some)][0] if len(some) > 1 else None
-                seed = int(kept[at].stem.rpartition("_")[2])
-                own = row_of(body, one, again, test, given.path)
-                rows.append({"order": kind, "fold": fold, "seed": seed} | own | {"cpu_s": seconds})
+        kept = [one for fold in range(FOLDS) for one in kept_of(given, kind, order, fold)]
+        kept.sort(key=lambda one: (one.seed, one.fold))
+        for at, one in enumerate(kept):
+            again = kept[(at + 1) % len(kept)] if len(kept) > 1 else None
+            test = split(given.path, one.fold)[1]
+            own = row_of(one, again, test, given.path)
+            rows.append({"order": kind, "fold": one.fold, "seed": one.seed} | own)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     with given.out.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
@@ -157,33 +201,30 @@ def tabulate(given: argparse.Namespace) -> None:
         print({k: _text(v) for k, v in row.items()})
 
 
-def row_of(
-    body: Body, some: Population, again: Population | None, test: list[Recording], path: Path
-) -> dict[str, object]:
-    """What one search found, beside the description and a search begun anew."""
-    own, row = settled(body, some.rows[0], some.orders[0])
-    score = scored(own, row, test, path)
-    true = {name: list(own.layout.limbs[name]) == joints for name, joints in LAYOUT.limbs.items()}
+def row_of(one: Kept, again: Kept | None, test: list[Recording], path: Path) -> dict[str, object]:
+    """What one search found, beside the description and another search."""
+    body, some = one.found.body, one.some
+    limbs = body.layout.limbs
+    score = scored(body, one.found.row, test, path)
     gap = gap_between(some, np.array([*LEFT, *RIGHT]))
     result: dict[str, object] = {
-        "arms_order_found": true["left"] and true["right"],
-        "head_order_found": true["head"],
+        "arms_order_found": [*limbs["left"], *limbs["right"]] == [*LEFT, *RIGHT],
+        "head_order_found": list(limbs["head"]) == HEAD,
         "loss": float(some.loss[0]),
         "gap": gap,
         "gap_head": gap_between(some, np.array(HEAD)),
+        "apart_median_deg": np.nan,
+        "apart_worst_deg": np.nan,
+        "accepted": "",
     }
     if again is not None:
-        there, other = settled(body, again.rows[0], again.orders[0])
-        del there
-        verdict = compared(own, (row, some.orders[0]), (other, again.orders[0]), gap)
+        verdict = compared(one.found, again.found, gap)
         result |= {
             "apart_median_deg": float(np.median(verdict.angles)),
             "apart_worst_deg": float(verdict.angles.max()),
             "accepted": verdict.accepted,
         }
-    else:
-        result |= {"apart_median_deg": np.nan, "apart_worst_deg": np.nan, "accepted": ""}
-    return result | _columns(score)
+    return result | _columns(score) | {"cpu_s": one.seconds}
 
 
 def _columns(score: Score) -> dict[str, object]:
@@ -308,15 +349,15 @@ def draw_maps(given: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ways = parser.add_subparsers(dest="way", required=True)
-    maps, body, table, nominal = (
-        ways.add_parser(name) for name in ("maps", "body", "table", "nominal")
+    maps, body, table, nominal, limbs = (
+        ways.add_parser(name) for name in ("maps", "body", "table", "nominal", "limbs")
     )
-    for way in (maps, body, table, nominal):
+    for way in (maps, body, table, nominal, limbs):
         way.add_argument("path", type=Path, help="folder UserData/Robots/Nao/Dataset")
     maps.add_argument("--files", nargs="*", default=[*DEVELOPED, *JUDGED])
     maps.add_argument("--out", type=Path, default=Path("build/nao.md"))
     maps.set_defaults(run=draw_maps)
-    for way in (body, nominal):
+    for way in (body, nominal, limbs):
         way.add_argument("--folds", nargs="*", type=int, default=list(range(FOLDS)))
     body.add_argument("--seeds", nargs="*", type=int, default=[0, 1])
     body.add_argument("--order", choices=("given", "unknown"), default="unknown")
@@ -327,6 +368,7 @@ def main() -> None:
     table.add_argument("--out", type=Path, default=Path("build/nao.csv"))
     table.set_defaults(run=tabulate)
     nominal.set_defaults(run=fit_nominal)
+    limbs.set_defaults(run=tell_limbs)
     given = parser.parse_args()
     given.run(given)
 
