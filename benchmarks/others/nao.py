@@ -4,6 +4,7 @@
     python benchmarks/others/nao.py table PATH
     python benchmarks/others/nao.py nominal PATH
     python benchmarks/others/nao.py limbs PATH
+    python benchmarks/others/nao.py picture PATH
     python benchmarks/others/nao.py maps PATH [--files rightArm_torso ...]
 
 PATH is the folder `UserData/Robots/Nao/Dataset` of the public repository
@@ -13,9 +14,10 @@ both skins felt each touch.
 
 `body` looks for the body on eight files together, one fifth of the *postures* held out in turn, and
 keeps what it found. Kinematics, taxels, mounts and the order of joints (unless `--order given`) are
-unknown; which joints and skins belong to which limb, and that the arms are a pair with which joints
-alike, is given (`limbs` tells joints from touches). A body that was kept is not looked for again. `table` compares kept bodies with the repository's description and
-with each other: a row for each fold and seed. `nominal` fits the same from that description.
+unknown. Which joints and skins belong to which limb is given, and that the arms are a pair with
+which joints alike; `limbs` tells joints from touches. A body that was kept is not looked for again.
+`table` compares kept bodies with the repository's description and with each other: a row for each
+fold and seed. `nominal` fits the same from that description.
 
 `maps` says where the taxels of one skin are, by `selftouch map`'s way, and beside it by plain
 Isomap on the cosines of shared touches. The filed positions, from another calibration, are the
@@ -39,6 +41,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 from nao_scores import (
     FITTED,
@@ -51,6 +54,7 @@ from nao_scores import (
     RIGHT,
     Score,
     filed_positions,
+    nominal_axes,
     nominal_bodies,
     recording,
     scored,
@@ -101,6 +105,39 @@ def layout_of(order: str) -> Layout:
         return LAYOUT
     limbs = {name: sorted(joints) for name, joints in LAYOUT.limbs.items()}
     return Layout(limbs=limbs, holder=LAYOUT.holder, mirrored=LAYOUT.mirrored)
+
+
+def draw(given: argparse.Namespace) -> None:
+    """A kept body's skeleton and skins from the front and the side, over the described ones."""
+    fold, seed = given.folds[0], given.seeds[0]
+    kept = {one.seed: one for one in kept_of(given, given.order, given.order, fold)}
+    if seed not in kept:
+        raise SystemExit(
+            f"nao: no body of fold {fold} and seed {seed} in {given.keep}; run "
+            f"`nao.py body PATH --folds {fold} --seeds {seed} --order {given.order}` first"
+        )
+    own = kept[seed].found
+    score = scored(own.body, own.row, split(given.path, fold)[1], given.path)
+    figure, panels = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained")
+    for panel, (across, name) in zip(
+        panels, ((1, "from the front"), (0, "from the side")), strict=True
+    ):
+        for limb in LAYOUT.limbs:
+            _, points, _ = nominal_axes(limb)
+            panel.plot(points[:, across], points[:, 2], "o--", color="0.7", ms=4, lw=1)
+            panel.plot(*score.centres[limb][:, [across, 2]].T, "o-", color="C3", ms=4, lw=1.5)
+            for centre, axis in zip(score.centres[limb], score.directions[limb], strict=True):
+                ends = centre + 15 * np.outer([-1, 1], axis)
+                panel.plot(ends[:, across], ends[:, 2], color="C3", lw=2.5, alpha=0.5)
+        for skin, color in zip(own.body.skins, ("C0", "C1", "C2", "C4"), strict=True):
+            place = score.places[skin]
+            panel.scatter(place[:, across], place[:, 2], s=3, color=color, label=skin)
+        panel.set_aspect("equal")
+        panel.set_title(name)
+        panel.set_xlabel("mm")
+    panels[0].legend(fontsize=7, markerscale=2)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(given.out, dpi=110)
 
 
 def tell_limbs(given: argparse.Namespace) -> None:
@@ -369,6 +406,14 @@ def main() -> None:
     table.set_defaults(run=tabulate)
     nominal.set_defaults(run=fit_nominal)
     limbs.set_defaults(run=tell_limbs)
+    picture = ways.add_parser("picture")
+    picture.add_argument("path", type=Path, help="folder UserData/Robots/Nao/Dataset")
+    picture.add_argument("--folds", nargs=1, type=int, default=[0])
+    picture.add_argument("--seeds", nargs=1, type=int, default=[0])
+    picture.add_argument("--order", choices=("given", "unknown"), default="unknown")
+    picture.add_argument("--keep", type=Path, default=Path("build/nao"), help="found bodies")
+    picture.add_argument("--out", type=Path, default=Path("build/nao.png"))
+    picture.set_defaults(run=draw)
     given = parser.parse_args()
     given.run(given)
 

@@ -183,6 +183,10 @@ class Score:
         taxels: mm root mean square distance from the filed places, by skin, after a similarity.
         unit: mm of a contact's diameter.
         hand: 1, or -1 for the mirror image.
+        centres: `(L, 3)` mm in the nominal frame: of each found line, the point nearest to the
+            nominal joint.
+        directions: `(L, 3)` found axes in that frame.
+        places: `(n, 3)` mm of each skin's taxels in that frame, all joints at 0.
     """
 
     axes: dict[str, list[float]]
@@ -192,6 +196,9 @@ class Score:
     taxels: dict[str, float]
     unit: float
     hand: int
+    centres: dict[str, np.ndarray]
+    directions: dict[str, np.ndarray]
+    places: dict[str, np.ndarray]
 
     def worst(self, *limbs: str) -> float:
         """Worst axis of some limbs."""
@@ -211,22 +218,60 @@ def scored(body: Body, row: np.ndarray, held_out: list[Recording], path: Path) -
         scale, turn, shift = similarity(own, filed, np.ones(len(own)))
         taxels[skin] = float(np.sqrt(((scale * own @ turn + shift - filed) ** 2).sum(1).mean()))
     own, filed, weight = placed["torso"]
-    unit = np.sqrt(filed.var(axis=0).sum() / own.var(axis=0).sum())
-    best: tuple[float, dict[str, list[float]], dict[str, list[float]], int] | None = None
-    for hand in (1, -1):
-        axes, gaps = _beside_nominal(body, row, similarity(own, filed, weight, hand), hand)
-        mean = float(np.mean(np.concatenate(list(axes.values()))))
-        if best is None or mean < best[0]:
-            best = mean, axes, gaps, hand
-    assert best is not None
-    files, shuffled = {}, {}
-    for one in held_out:
-        files[one.name] = unit * float(np.median(apart(body, row, one)))
-        shuffled[one.name] = unit * float(np.median(apart(body, row, one, shuffle=True)))
+    unit = float(np.sqrt(filed.var(axis=0).sum() / own.var(axis=0).sum()))
+    frames = [Frame.over(own, filed, weight, hand) for hand in (1, -1)]
+    best = min((_beside_nominal(body, row, frame) for frame in frames), key=_mean_angle)
+    medians = {
+        shuffle: {
+            one.name: unit * float(np.median(apart(body, row, one, shuffle=shuffle)))
+            for one in held_out
+        }
+        for shuffle in (False, True)
+    }
     return Score(
-        axes=best[1], gaps=best[2], hand=best[3], held_out=files, shuffled=shuffled,
-        taxels=taxels, unit=float(unit),
+        axes=best.angles, gaps=best.gaps, hand=best.frame.hand, held_out=medians[False],
+        shuffled=medians[True], taxels=taxels, unit=unit, centres=best.centres,
+        directions=best.directions,
+        places={skin: best.frame.points(body.places(row, skin)) for skin in body.skins},
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """From a body's own frame and unit to the nominal frame: the torso's base, in mm."""
+
+    scale: float
+    turn: np.ndarray
+    shift: np.ndarray
+    hand: int
+
+    @staticmethod
+    def over(own: np.ndarray, filed: np.ndarray, weight: np.ndarray, hand: int) -> Frame:
+        """Lays the torso's taxels over the filed ones."""
+        scale, turn, shift = similarity(own, filed, weight, hand)
+        motion = mount("torso")
+        there = shift @ motion[:3, :3].T + motion[:3, 3]
+        return Frame(scale=scale, turn=turn @ motion[:3, :3].T, shift=there, hand=hand)
+
+    def points(self, points: np.ndarray) -> np.ndarray:
+        return self.scale * points @ self.turn + self.shift
+
+    def axes(self, axes: np.ndarray) -> np.ndarray:
+        """A mirror image turns the other way round."""
+        return self.hand * axes @ self.turn
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Beside:
+    frame: Frame
+    angles: dict[str, list[float]]
+    gaps: dict[str, list[float]]
+    centres: dict[str, np.ndarray]
+    directions: dict[str, np.ndarray]
+
+
+def _mean_angle(beside: _Beside) -> float:
+    return float(np.mean(np.concatenate(list(beside.angles.values()))))
 
 
 def apart(body: Body, row: np.ndarray, one: Recording, *, shuffle: bool = False) -> np.ndarray:
@@ -257,25 +302,19 @@ def _placed(
     return body.places(row, skin)[usable], filed[usable], known.felt[usable].astype(float)
 
 
-def _beside_nominal(
-    body: Body, row: np.ndarray, gauge: tuple[float, np.ndarray, np.ndarray], hand: int
-) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
-    scale, turn, shift = gauge
-    frame = mount("torso")
-    axes, gaps = {}, {}
-    fitted = set(body.ends)
+def _beside_nominal(body: Body, row: np.ndarray, frame: Frame) -> _Beside:
+    angles, gaps, centres, directions = {}, {}, {}, {}
     for limb, joints in body.layout.limbs.items():
-        if not any(HOLDER[end] == limb for end in fitted):
-            continue
         own = body.axes(row)[list(joints)].astype(float)
-        own = own / np.linalg.norm(own, axis=1, keepdims=True) @ turn @ frame[:3, :3].T * hand
-        centre = scale * body.centres(row)[list(joints)].astype(float) @ turn + shift
-        centre = centre @ frame[:3, :3].T + frame[:3, 3]
+        own = frame.axes(own / np.linalg.norm(own, axis=1, keepdims=True))
+        centre = frame.points(body.centres(row)[list(joints)].astype(float))
         nominal, point, _ = nominal_axes(limb)
-        angle = np.degrees(np.arccos(np.clip((own * nominal).sum(axis=1), -1, 1)))
-        axes[limb] = angle.tolist()
-        gaps[limb] = np.linalg.norm(np.cross(point - centre, own), axis=1).tolist()
-    return axes, gaps
+        cosine = np.clip((own * nominal).sum(axis=1), -1, 1)
+        centre = centre + ((point - centre) * own).sum(axis=1)[:, None] * own
+        angles[limb] = np.degrees(np.arccos(cosine)).tolist()
+        gaps[limb] = np.linalg.norm(point - centre, axis=1).tolist()
+        centres[limb], directions[limb] = centre, own
+    return _Beside(frame=frame, angles=angles, gaps=gaps, centres=centres, directions=directions)
 
 
 def nominal_bodies(body: Body, number: int, random: np.random.Generator, path: Path) -> Population:
