@@ -228,6 +228,8 @@ def tabulate(given: argparse.Namespace) -> None:
             again = kept[(at + 1) % len(kept)] if len(kept) > 1 else None
             test = split(given.path, one.fold)[1]
             own = row_of(one, again, test, given.path)
+            if order == "given":
+                own |= {"arms_order_found": "given", "head_order_found": "given"}
             rows.append({"order": kind, "fold": one.fold, "seed": one.seed} | own)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     with given.out.open("w", encoding="utf-8", newline="") as file:
