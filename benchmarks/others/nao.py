@@ -1,33 +1,79 @@
-"""Where the taxels of a real Nao are, from its own touches. Run it as a script.
+"""The body of a real Nao, from nothing but its own touches. Run it as a script.
 
-    python benchmarks/others/nao.py PATH [--files rightArm_torso ...]
+    python benchmarks/others/nao.py body PATH --folds 0 1 2 3 4 --seeds 0 1
+    python benchmarks/others/nao.py table PATH
+    python benchmarks/others/nao.py nominal PATH
+    python benchmarks/others/nao.py limbs PATH
+    python benchmarks/others/nao.py picture PATH
+    python benchmarks/others/nao.py maps PATH [--files rightArm_torso ...]
 
 PATH is the folder `UserData/Robots/Nao/Dataset` of the public repository
 ctu-vras/multirobot-calibration, which has no licence: it is read where it is. Each of its nine
-files holds 670 to 1,075 touches, with twelve joints and the taxels that were on. The taxels of the
-skin that is touched are mapped as `selftouch map` does it, and beside it by plain Isomap on the
-cosines of shared touches. The filed positions, from another calibration, are the truth:
+files holds 195 to 1,075 touches, with twelve joints and the taxels that were on; in four of them
+both skins felt each touch.
+
+`body` looks for the body on eight files together, one fifth of the *postures* held out in turn, and
+keeps what it found. Kinematics, taxels, mounts and the order of joints (unless `--order given`) are
+unknown. Which joints and skins belong to which limb is given, and that the arms are a pair with
+which joints alike; `limbs` tells joints from touches. A body that was kept is not looked for again.
+`table` compares kept bodies with the repository's description and with each other: a row for each
+fold and seed. `nominal` fits the same from that description.
+
+`maps` says where the taxels of one skin are, by `selftouch map`'s way, and beside it by plain
+Isomap on the cosines of shared touches. The filed positions, from another calibration, are the
+truth:
 
 - rho: Spearman's rank correlation of distances, along the map and filed;
 - rms: mm, root mean square distance from the filed positions after a fit with one scale; rigid:
   the same at the scale that makes the extents equal;
 - near: share of the six nearest of each taxel in the map that are within two spacings.
 
-The suppositions were weighed on the first three files; the others were measured once.
+The suppositions of the maps were weighed on the first three files; the others were measured once.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import time
 import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
-import scipy.io
+from nao_scores import (
+    FITTED,
+    HANDS,
+    HEAD,
+    JOINTS,
+    LAYOUT,
+    LEFT,
+    MODULES,
+    RIGHT,
+    Score,
+    filed_positions,
+    nominal_axes,
+    nominal_bodies,
+    recording,
+    scored,
+    touches,
+)
 from scipy.spatial.distance import cdist
 from scipy.stats import spearmanr
 from sklearn.manifold import Isomap
 
+from selftouch_drake.agent.body_model.both_sides.judgement import Found, compared, gap_between
+from selftouch_drake.agent.body_model.both_sides.limbs import limbs_of, relevance
+from selftouch_drake.agent.body_model.both_sides.orders import found_orders
+from selftouch_drake.agent.body_model.both_sides.problem import Body, Population
+from selftouch_drake.agent.body_model.both_sides.recordings import (
+    Layout,
+    Recording,
+    folds_of_postures,
+)
+from selftouch_drake.agent.body_model.both_sides.search import SIGMA, Problems, found
 from selftouch_drake.agent.shape.alignment import align
 from selftouch_drake.agent.shape.receptor_map import LEAST_FELT, map_receptors
 
@@ -36,44 +82,229 @@ JUDGED = (
     *("leftArm_head", "torso_leftFinger", "torso_rightFinger"),
     *("leftArm_rightFinger", "rightArm_leftFinger", "rightArm_head"),
 )
-# The modules of each skin: those of its first patch, then those of its second.
-ARM = ([*range(16)], [19, 20, 21, 22, 23, 25, 26, 31])
-MODULES = {
-    "torso": ([*range(6), *range(8, 16)], [16, 17, 18, *range(24, 32)]),
-    "head": ([*range(9), 12, 13, 15], [*range(16, 25), 28, 29, 31]),
-    "leftArm": ARM,
-    "rightArm": ARM,
-}
-# A module has ten taxels and two sensors of temperature.
-TAXELS = (0, 1, 2, 3, 4, 5, 7, 8, 9, 11)
-NUM_TAXELS = 384
+FOLDS = 5
+KINDS = ("unknown", "given", "unknown_without_hands", "given_without_hands")
 
 
-def filed_positions(path: Path, skin: str) -> np.ndarray:
-    """`(384, 3)` mm, NaN where there is no taxel: sums of mount, patch, module and taxel."""
-    shifts = 1e3 * np.loadtxt(path / "Transformations" / f"{skin}.txt")
-    first, second = MODULES[skin]
-    modules, taxels = [*first, *second], shifts[3 + len(first) + len(second) :]
-    positions = np.full((NUM_TAXELS, 3), np.nan)
-    for number, module in enumerate(modules):
-        corner = shifts[1 if number < len(first) else 2] + shifts[3 + number]
-        own = taxels[len(TAXELS) * number :][: len(TAXELS)]
-        positions[12 * module + np.array(TAXELS)] = corner + own
-    return positions
+def split(
+    path: Path, fold: int, files: Sequence[str] = FITTED
+) -> tuple[list[Recording], list[Recording]]:
+    """Recordings without one fold of their postures, and that fold."""
+    train, test = [], []
+    for name in files:
+        whole = recording(path, name)
+        which = folds_of_postures(whole.q[:, LAYOUT.between(whole)], folds=FOLDS)
+        train.append(whole.some(np.flatnonzero(which != fold)))
+        test.append(whole.some(np.flatnonzero(which == fold)))
+    return train, test
 
 
-def touches(path: Path, name: str, skin: str) -> tuple[np.ndarray, np.ndarray]:
-    """`(n, 12)` rad joints, and `(n, 384)` bool taxels of one skin that were on."""
-    file = scipy.io.loadmat(path / "Datasets" / f"{name}.mat", simplify_cells=True)
-    joints, active = [], np.zeros((len(file[skin]), NUM_TAXELS), dtype=bool)
-    for row, touch in zip(active, file[skin], strict=True):
-        if "activatedUn" in touch:  # the older files have places, then the number
-            on = np.atleast_2d(touch["activatedUn"]).reshape(-1, 4)[:, 3]
-        else:
-            on = np.atleast_1d(touch["activatedTaxels"])
-        row[on.astype(int)] = True
-        joints.append([touch["angles"][joint] for joint in sorted(touch["angles"])])
-    return np.array(joints), active
+def layout_of(order: str) -> Layout:
+    """The true order of joints, or joints sorted by name."""
+    if order == "given":
+        return LAYOUT
+    limbs = {name: sorted(joints) for name, joints in LAYOUT.limbs.items()}
+    return Layout(limbs=limbs, holder=LAYOUT.holder, mirrored=LAYOUT.mirrored)
+
+
+def draw(given: argparse.Namespace) -> None:
+    """A kept body's skeleton and skins from the front and the side, over the described ones."""
+    fold, seed = given.folds[0], given.seeds[0]
+    kept = {one.seed: one for one in kept_of(given, given.order, given.order, fold)}
+    if seed not in kept:
+        raise SystemExit(
+            f"nao: no body of fold {fold} and seed {seed} in {given.keep}; run "
+            f"`nao.py body PATH --folds {fold} --seeds {seed} --order {given.order}` first"
+        )
+    own = kept[seed].found
+    score = scored(own.body, own.row, split(given.path, fold)[1], given.path)
+    figure, panels = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained")
+    for panel, (across, name) in zip(
+        panels, ((1, "from the front"), (0, "from the side")), strict=True
+    ):
+        for limb in LAYOUT.limbs:
+            _, points, _ = nominal_axes(limb)
+            panel.plot(points[:, across], points[:, 2], "o--", color="0.7", ms=4, lw=1)
+            panel.plot(*score.centres[limb][:, [across, 2]].T, "o-", color="C3", ms=4, lw=1.5)
+            for centre, axis in zip(score.centres[limb], score.directions[limb], strict=True):
+                ends = centre + 15 * np.outer([-1, 1], axis)
+                panel.plot(ends[:, across], ends[:, 2], color="C3", lw=2.5, alpha=0.5)
+        for skin, color in zip(own.body.skins, ("C0", "C1", "C2", "C4"), strict=True):
+            place = score.places[skin]
+            panel.scatter(place[:, across], place[:, 2], s=3, color=color, label=skin)
+        panel.set_aspect("equal")
+        panel.set_title(name)
+        panel.set_xlabel("mm")
+    panels[0].legend(fontsize=7, markerscale=2)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(given.out, dpi=110)
+
+
+def tell_limbs(given: argparse.Namespace) -> None:
+    """Which joints each limb has, told from touches alone, for each fold."""
+    for fold in given.folds:
+        train, _ = split(given.path, fold)
+        matters = relevance(Body.of(train, LAYOUT).skins, train)
+        limbs = limbs_of(matters, train, LAYOUT.holder)
+        wrong = [
+            f"{JOINTS[joint]} to {name}"
+            for name, joints in limbs.items()
+            for joint in joints
+            if joint not in LAYOUT.limbs[name]
+        ]
+        print(f"fold {fold}: wrong: {', '.join(wrong) or 'none'}", flush=True)
+
+
+def kept_as(keep: Path, order: str, fold: int, seed: int) -> Path:
+    return keep / f"{order}_{fold}_{seed}.npz"
+
+
+def look_for(given: argparse.Namespace) -> None:
+    """Bodies of all folds and seeds that are not kept yet."""
+    given.keep.mkdir(parents=True, exist_ok=True)
+    files = [name for name in FITTED if not (given.without_hands and name in HANDS)]
+    kind = f"{given.order}{'_without_hands' if given.without_hands else ''}"
+    for seed in given.seeds:
+        for fold in given.folds:
+            out = kept_as(given.keep, kind, fold, seed)
+            if out.exists():
+                continue
+            began = time.process_time()
+            train, _ = split(given.path, fold, files)
+            problems = Problems.of(train, layout_of(given.order), seed)
+            look = found if given.order == "given" else found_orders
+            best = look(problems, seed)
+            seconds = time.process_time() - began
+            np.savez(out, rows=best.rows, orders=best.orders, loss=best.loss, seconds=seconds)
+            print(f"{out.stem}: {best.loss.round(2).tolist()} in {seconds:.0f} s", flush=True)
+
+
+def read(path: Path) -> tuple[Population, float]:
+    with np.load(path) as file:
+        one = Population(rows=file["rows"], orders=file["orders"], loss=file["loss"])
+        return one, float(file["seconds"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Kept:
+    """A search that was kept: its fold and seed, what it found, and its bodies, best first."""
+
+    fold: int
+    seed: int
+    found: Found
+    some: Population
+    seconds: float
+
+
+def kept_of(given: argparse.Namespace, kind: str, order: str, fold: int) -> list[Kept]:
+    """Searches of one kind and fold that were kept, by seed."""
+    kept = sorted(given.keep.glob(f"{kind}_{fold}_*.npz"))
+    if not kept:
+        return []
+    files = [name for name in FITTED if not ("without" in kind and name in HANDS)]
+    train, _ = split(given.path, fold, files)
+    body = Body.of(train, layout_of(order))
+    result = []
+    for path in kept:
+        some, seconds = read(path)
+        seed = int(path.stem.rpartition("_")[2])
+        own = Found.best(body, some)
+        result.append(Kept(fold=fold, seed=seed, found=own, some=some, seconds=seconds))
+    return result
+
+
+def tabulate(given: argparse.Namespace) -> None:
+    """A row for each kept body, beside the description and the next one that was kept.
+
+    Bodies of one kind are in a ring, by seed and fold: each is judged by the next one, which began
+    anew on other postures.
+    """
+    rows = []
+    for kind in KINDS:
+        order = kind.partition("_")[0]
+        kept = [one for fold in range(FOLDS) for one in kept_of(given, kind, order, fold)]
+        kept.sort(key=lambda one: (one.seed, one.fold))
+        for at, one in enumerate(kept):
+            again = kept[(at + 1) % len(kept)] if len(kept) > 1 else None
+            test = split(given.path, one.fold)[1]
+            own = row_of(one, again, test, given.path)
+            if order == "given":
+                own |= {"arms_order_found": "given", "head_order_found": "given"}
+            rows.append({"order": kind, "fold": one.fold, "seed": one.seed} | own)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    with given.out.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows([{k: _text(v) for k, v in row.items()} for row in rows])
+    for row in rows:
+        print({k: _text(v) for k, v in row.items()})
+
+
+def row_of(one: Kept, again: Kept | None, test: list[Recording], path: Path) -> dict[str, object]:
+    """What one search found, beside the description and another search."""
+    body, some = one.found.body, one.some
+    limbs = body.layout.limbs
+    score = scored(body, one.found.row, test, path)
+    gap = gap_between(some, np.array([*LEFT, *RIGHT]))
+    result: dict[str, object] = {
+        "arms_order_found": [*limbs["left"], *limbs["right"]] == [*LEFT, *RIGHT],
+        "head_order_found": list(limbs["head"]) == HEAD,
+        "loss": float(some.loss[0]),
+        "gap": gap,
+        "gap_head": gap_between(some, np.array(HEAD)),
+        "apart_median_deg": np.nan,
+        "apart_worst_deg": np.nan,
+        "accepted": "",
+    }
+    if again is not None:
+        verdict = compared(one.found, again.found, gap)
+        result |= {
+            "apart_median_deg": float(np.median(verdict.angles)),
+            "apart_worst_deg": float(verdict.angles.max()),
+            "accepted": verdict.accepted,
+        }
+    return result | _columns(score) | {"cpu_s": one.seconds}
+
+
+def _columns(score: Score) -> dict[str, object]:
+    axes = {
+        f"{JOINTS[joint]}_deg": angle
+        for limb, joints in LAYOUT.limbs.items()
+        for joint, angle in zip(joints, score.axes[limb], strict=True)
+    }
+    worst: dict[str, object] = {
+        "arms_worst_deg": score.worst("left", "right"),
+        "head_worst_deg": score.worst("head"),
+    }
+    files = {f"{name}_mm": value for name, value in score.held_out.items()}
+    shuffled: dict[str, object] = {"shuffled_least_mm": min(score.shuffled.values())}
+    taxels = {f"taxels_{skin}_mm": value for skin, value in score.taxels.items()}
+    return worst | axes | files | shuffled | taxels
+
+
+def _text(value: object) -> object:
+    return f"{value:.2f}" if isinstance(value, float) else value
+
+
+def fit_nominal(given: argparse.Namespace) -> None:
+    """From the repository's description: joints held, then all freed; medians of held-out mm."""
+    print("| fold | joints | " + " | ".join(FITTED) + " | worst axis of arms, of head |")
+    print("|---" * (len(FITTED) + 3) + "|")
+    for fold in given.folds:
+        train, test = split(given.path, fold)
+        problems = Problems.of(train, LAYOUT, 0)
+        body, whole = problems.body, problems.whole
+        held = body.free(joints=[])
+        some = nominal_bodies(body, 24, np.random.default_rng(0), given.path)
+        some = whole.descended(some, steps=300, rate=0.03, sigmas=(3.0, 0.3), free=held).best(8)
+        some = whole.descended(some, steps=600, rate=0.02, sigmas=(0.6, SIGMA), free=held).best()
+        free = whole.descended(some, steps=600, rate=0.02, sigmas=(0.5, SIGMA))
+        free = whole.descended(free, steps=1500, rate=0.02, sigmas=(0.3, SIGMA))
+        for name, one in (("as described", some), ("fitted", free)):
+            score = scored(body, one.rows[0], test, given.path)
+            cells = [f"{score.held_out[file]:.1f}" for file in FITTED]
+            axes = f"{score.worst('left', 'right'):.0f}, {score.worst('head'):.0f}"
+            print(f"| {fold} | {name} | " + " | ".join(cells) + f" | {axes} |", flush=True)
 
 
 def scores(found: np.ndarray, along: np.ndarray, true: np.ndarray) -> dict[str, float]:
@@ -138,12 +369,7 @@ def measure(path: Path, name: str) -> list[str]:
     return rows
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("path", type=Path, help="folder UserData/Robots/Nao/Dataset")
-    parser.add_argument("--files", nargs="*", default=[*DEVELOPED, *JUDGED])
-    parser.add_argument("--out", type=Path, default=Path("build/nao.md"))
-    given = parser.parse_args()
+def draw_maps(given: argparse.Namespace) -> None:
     warnings.simplefilter("ignore")
     lines = [
         "| file and skin | taxels | rho | rms, mm | rigid, mm | extent, mm | near | holes | within "
@@ -157,6 +383,41 @@ def main() -> None:
         lines += rows
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    ways = parser.add_subparsers(dest="way", required=True)
+    maps, body, table, nominal, limbs = (
+        ways.add_parser(name) for name in ("maps", "body", "table", "nominal", "limbs")
+    )
+    for way in (maps, body, table, nominal, limbs):
+        way.add_argument("path", type=Path, help="folder UserData/Robots/Nao/Dataset")
+    maps.add_argument("--files", nargs="*", default=[*DEVELOPED, *JUDGED])
+    maps.add_argument("--out", type=Path, default=Path("build/nao.md"))
+    maps.set_defaults(run=draw_maps)
+    for way in (body, nominal, limbs):
+        way.add_argument("--folds", nargs="*", type=int, default=list(range(FOLDS)))
+    body.add_argument("--seeds", nargs="*", type=int, default=[0, 1])
+    body.add_argument("--order", choices=("given", "unknown"), default="unknown")
+    body.add_argument("--without-hands", action="store_true", help="without hand-to-hand files")
+    body.set_defaults(run=look_for)
+    for way in (body, table):
+        way.add_argument("--keep", type=Path, default=Path("build/nao"), help="found bodies")
+    table.add_argument("--out", type=Path, default=Path("build/nao.csv"))
+    table.set_defaults(run=tabulate)
+    nominal.set_defaults(run=fit_nominal)
+    limbs.set_defaults(run=tell_limbs)
+    picture = ways.add_parser("picture")
+    picture.add_argument("path", type=Path, help="folder UserData/Robots/Nao/Dataset")
+    picture.add_argument("--folds", nargs=1, type=int, default=[0])
+    picture.add_argument("--seeds", nargs=1, type=int, default=[0])
+    picture.add_argument("--order", choices=("given", "unknown"), default="unknown")
+    picture.add_argument("--keep", type=Path, default=Path("build/nao"), help="found bodies")
+    picture.add_argument("--out", type=Path, default=Path("build/nao.png"))
+    picture.set_defaults(run=draw)
+    given = parser.parse_args()
+    given.run(given)
 
 
 if __name__ == "__main__":
