@@ -120,9 +120,9 @@ def test_through_the_air_a_detour_leads_over_what_is_remembered():
 
 
 def test_a_plan_may_leave_a_start_that_practice_does_not_allow():
-    a, b = a_pair()
+    a, _ = a_pair()
     for start, impossible in ((1.85, []), (2.15, [0])):  # the fourth joint, forbidden to 1.8
-        plan = a_plan([[*a[:3], start], [*b[:3], 1.0]])
+        plan = a_plan([[*a[:3], start], [*a[:3], 1.0]])
         assert dry_run(plan, SLIDER).impossible.tolist() == impossible
 
 
