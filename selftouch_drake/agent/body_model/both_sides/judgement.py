@@ -64,8 +64,8 @@ def _shared_places(
     """Places of the trunk's receptors that both bodies know."""
     here, there = [], []
     for end in [end for end in first[0].skins if not first[0].layout.holder[end]]:
-        known = [body.skins[end].receptor for body, _ in (first, second)]
-        _, one, other = np.intersect1d(*known, return_indices=True)
+        own, known = first[0].skins[end].receptor, second[0].skins[end].receptor
+        _, one, other = np.intersect1d(own, known, return_indices=True)
         here.append(first[0].places(first[1], end)[one])
         there.append(second[0].places(second[1], end)[other])
     return np.concatenate(here), np.concatenate(there)

@@ -255,8 +255,8 @@ def _laid_out(body: Body, recordings: Sequence[Recording]) -> Data:
         if skin is not None and number[end]:
             basis[end, : sizes[end], : number[end]] = skin.basis.T
     way = np.zeros((len(ends), max(1, *(len(own) for own in ways))), dtype=np.int64)
-    for row, own in zip(way, ways, strict=True):
-        row[: len(own)] = own
+    for row, joints in zip(way, ways, strict=True):
+        row[: len(joints)] = joints
     known = list(body.skins.values())
     return Data(
         cos=np.ascontiguousarray(np.cos(q).T, dtype=np.float32),
