@@ -133,7 +133,7 @@ def main() -> None:
     args = parser.parse_args()
     made, q = frames(args.body, args.seed, sorted(args.touches))
     last = made[-1].places(q)
-    middle, size = last.mean(axis=0), 1.4 * np.abs(last - last.mean(axis=0)).max()
+    middle, size = last.mean(axis=0), 0.9 * np.abs(last - last.mean(axis=0)).max()
     reach = np.stack([middle - size, middle + size])
     posture = q[np.linalg.norm(last - middle, axis=1).argmax()]
     drawn = []
@@ -150,9 +150,11 @@ def main() -> None:
         )
         file = io.BytesIO()
         picture(frame, cloud, arms, reach).savefig(file, dpi=80, format="png")
-        drawn.append(Image.open(file).convert("P", palette=Image.Palette.ADAPTIVE, colors=64))
+        drawn.append(Image.open(file).convert("RGB").quantize(64, dither=Image.Dither.NONE))
     shown = [_SHOWN] * (len(drawn) - 1) + [4 * _SHOWN]
-    drawn[0].save(args.out, save_all=True, append_images=drawn[1:], duration=shown, loop=0)
+    drawn[0].save(
+        args.out, save_all=True, append_images=drawn[1:], duration=shown, loop=0, disposal=2
+    )
 
 
 if __name__ == "__main__":

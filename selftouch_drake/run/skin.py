@@ -177,7 +177,7 @@ def compare_runs(
                 for place, some, own in zip(places, here, rows, strict=True)
             )
             move = skin_move(start, end)
-            well = np.ones(len(skin.names), dtype=bool)
+            well: np.ndarray = np.ones(len(skin.names), dtype=bool)
             well[[number for number, _, _ in drift.changes]] = False
             knows, change = changed_between(
                 *(

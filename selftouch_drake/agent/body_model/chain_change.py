@@ -80,8 +80,8 @@ class Part:
             turn, error = _size(self.amount[:3], self.sigma[:3])
             said.append(f"by {np.degrees(turn):.1f} ± {np.degrees(error):.1f} degrees")
         if self.kind == Change.STRETCHED_SKIN:
-            stretch, error = np.exp(self.amount[3]), self.sigma[3]
-            said.append(f"by a factor of {stretch:.3f} ± {stretch * error:.3f}")
+            stretch, share = np.exp(self.amount[3]), self.sigma[3]
+            said.append(f"by a factor of {stretch:.3f} ± {stretch * share:.3f}")
         if not said:
             way, error = _size(self.amount, self.sigma)
             said.append(f"moved by {way:.3f} ± {error:.3f} of the skin's radius")
