@@ -128,7 +128,7 @@ def main() -> None:
     )
     parser.add_argument("--body", default="cube")
     parser.add_argument("--seed", type=int, default=21)
-    parser.add_argument("--touches", nargs="+", type=int, default=[40, 60, 80, 100, 150, 200, 300])
+    parser.add_argument("--touches", nargs="+", type=int, default=[40, 60, 100, 150, 300])
     parser.add_argument("--out", type=Path, default=Path("docs/images/growing.gif"))
     args = parser.parse_args()
     made, q = frames(args.body, args.seed, sorted(args.touches))

@@ -59,6 +59,8 @@ _FLATTER = 0.01
 _HOPE = 0.2
 # Above this share of inliers there is no other toucher to look for.
 _ALL = 0.97
+# With more moving joints than this, several hands are looked for before a single chain.
+_MANY = 16
 # Neighbours commute if the bracket of their twists is so small, relative to their sizes.
 _COMMUTE = 0.05
 
@@ -194,29 +196,43 @@ def _find(search: Search, touches: StandardTouches, seed: int) -> Found | None:
     """The body of one part by one hand, or else of any tree."""
     purpose = held_out(touches.q, search.random)
     parts = sorted(set(touches.part[touches.target].tolist()))
-    chain, several = None, True
-    if len(parts) == 1:
-        of_part = touches.part[touches.target] == parts[0]
-        train, choice = (np.flatnonzero(of_part & (purpose == use)) for use in (0, CHOICE))
-        chain, group = _chain_of_part(search, touches, train, choice, parts[0])
-        if chain is not None and chain.judgement.accepted:
-            return _finished(search, touches, chain, purpose, seed)
-        # One limb has one chain, which has been looked for; and what one chain does not explain
-        # of two limbs are outliers.
-        several = chain is None or (
-            not chain.judgement.inliers > _ONE_LIMB
-            and len(limbs(*pair_statistic(search.q, group, least=20))) > 1
-        )
-    body = None
-    if several:
-        body = grow.grown(
-            search, touches.scene({}), purpose > 0, touches.moving, hands=chain is not None
-        )
-    if body is not None:
-        found = _finished_tree(search, touches, body, purpose, seed)
-        if chain is None or any(verdict.accepted for verdict in found.judgements.values()):
+    if len(parts) > 1:
+        return _grown(search, touches, purpose, seed, hands=False)
+    of_part = touches.part[touches.target] == parts[0]
+    train, choice = (np.flatnonzero(of_part & (purpose == use)) for use in (0, CHOICE))
+    some = np.sort(search.random.permutation(train)[:_SEARCHED])
+    group = Group.of(some, touches.target[some])
+    several = len(limbs(*pair_statistic(search.q, group, least=20))) > 1
+    found, hands_first = None, several and len(touches.moving) > _MANY
+    if hands_first:
+        # Hardly any chain is as long, and the search for one takes minutes.
+        found = _grown(search, touches, purpose, seed, hands=True)
+        if found is not None and _any_accepted(found):
             return found
-    return None if chain is None else _finished(search, touches, chain, purpose, seed)
+    chain = _chain_of_part(search, touches, group, (train, choice), parts[0])
+    if chain is None:
+        return found if hands_first else _grown(search, touches, purpose, seed, hands=False)
+    # One limb has one chain, which has been looked for; and what one chain does not explain of two
+    # limbs are outliers.
+    accepted = chain.judgement.accepted
+    if not accepted and several and not hands_first and not chain.judgement.inliers > _ONE_LIMB:
+        found = _grown(search, touches, purpose, seed, hands=True)
+        if found is not None and _any_accepted(found):
+            return found
+    return _finished(search, touches, chain, purpose, seed)
+
+
+def _grown(
+    search: Search, touches: StandardTouches, purpose: np.ndarray, seed: int, *, hands: bool
+) -> Found | None:
+    """The body of any tree; None if no part gives a chain."""
+    body = grow.grown(search, touches.scene({}), purpose > 0, touches.moving, hands=hands)
+    return None if body is None else _finished_tree(search, touches, body, purpose, seed)
+
+
+def _any_accepted(found: Found) -> bool:
+    """Whether held-out touches agree on any part."""
+    return any(verdict.accepted for verdict in found.judgements.values())
 
 
 def _find_by_sensation(
@@ -273,19 +289,21 @@ def _score(judgement: Judgement) -> float:
 
 
 def _chain_of_part(
-    search: Search, touches: StandardTouches, train: np.ndarray, choice: np.ndarray, part: int
-) -> tuple[_Chain | None, Group]:
+    search: Search,
+    touches: StandardTouches,
+    group: Group,
+    split: tuple[np.ndarray, np.ndarray],
+    part: int,
+) -> _Chain | None:
     """The best chain of a part: the first one that held-out touches accept, else the best.
 
     The search ends when two chains that began apart agree: nothing better was missed by chance.
     """
-    some = np.sort(search.random.permutation(train)[:_SEARCHED])
-    group = Group.of(some, touches.target[some])
     if group.num_kernels < 8:
-        return None, group
+        return None
     best, costs = None, []
     for body in found_chains(search, group, touches.moving):
-        chain = _solved(search, touches, (train, choice), body, part)
+        chain = _solved(search, touches, split, body, part)
         costs.append(float(body.loss.sum()))
         value = _score(chain.judgement), -costs[-1]
         if best is None or value > best[0]:
@@ -293,10 +311,10 @@ def _chain_of_part(
         if chain.judgement.accepted or _settled(costs):
             break
     if best is None:
-        return None, group
+        return None
     _, chain, body = best
     swaps = swap_costs(search, group, body) if chain.judgement.accepted else chain.swaps
-    return replace(chain, swaps=swaps), group
+    return replace(chain, swaps=swaps)
 
 
 def _settled(costs: list[float]) -> bool:
