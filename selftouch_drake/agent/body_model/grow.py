@@ -208,14 +208,22 @@ class _Grower:
             return None
         group = self._dense(part)
         share = who_touched(self.search.q, group, cores)
-        chains = []
+        groups, held = list[Group](), list[set[int]]()
         for limb, core in enumerate(cores):
             sure = group.rows[(share.argmax(axis=1) == limb) & (share[:, limb] > _SURE)]
-            others = {joint for other in cores if other is not core for joint in other}
-            mine = [joint for joint in self.moving if joint not in others]
             own = Group.of(sure, self.scene.target[sure])
+            groups.append(own)
+            held.append(set(core))
+            if own.num_kernels:
+                # Where one hand alone touched, joints of the others hold nothing.
+                found = joints_that_hold(*pair_statistic(self.search.q, own, least=20))
+                held[-1].update(found)
+        chains = []
+        for limb, own in enumerate(groups):
             if len(own.rows) < 300 or own.num_kernels < 8:
                 continue
+            others = set[int]().union(*(held[:limb] + held[limb + 1 :]))
+            mine = [j for j in self.moving if j in held[limb] or j not in others]
             chain = self._of_limb(own, mine, part)
             if chain is not None:
                 chains.append((chain, own.rows))
