@@ -612,7 +612,7 @@ def test_a_number_is_never_changed_on_its_way():
         ),
         (
             [{"tools": {"fingertip": [0, 0, 0.1]}}],
-            "changes[0].tools.fingertip is [0, 0, 0.1]; did you mean fingertip_0?",
+            "changes[0].tools.fingertip is [0.0, 0.0, 0.1]; did you mean fingertip_0?",
         ),
         ([{"whens": 3}], "unknown key changes[0].whens;"),
     ],

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import io
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +34,8 @@ from selftouch_drake.show.style import BLUE, PALE, styled
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
+#: What is drawn by default.
+BODY, SEED, TOUCHES = "cube", 21, (40, 60, 100, 150, 300)
 # Later touches that are drawn, chains that show how unsure one is, milliseconds for each frame.
 _CLOUD, _UNSURE, _SHOWN = 1500, 12, 500
 
@@ -126,12 +129,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("--body", default="cube")
-    parser.add_argument("--seed", type=int, default=21)
-    parser.add_argument("--touches", nargs="+", type=int, default=[40, 60, 100, 150, 300])
+    parser.add_argument("--body", default=BODY)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--touches", nargs="+", type=int, default=TOUCHES)
     parser.add_argument("--out", type=Path, default=Path("docs/images/growing.gif"))
     args = parser.parse_args()
-    made, q = frames(args.body, args.seed, sorted(args.touches))
+    draw(args.body, args.seed, sorted(args.touches), args.out)
+
+
+def draw(body: str, seed: int, touches: Sequence[int], out: Path) -> None:
+    """Writes the animation of a body and a seed, a frame for each number of touches."""
+    made, q = frames(body, seed, touches)
     last = made[-1].places(q)
     middle, size = last.mean(axis=0), 0.9 * np.abs(last - last.mean(axis=0)).max()
     reach = np.stack([middle - size, middle + size])
@@ -152,9 +160,7 @@ def main() -> None:
         picture(frame, cloud, arms, reach).savefig(file, dpi=80, format="png")
         drawn.append(Image.open(file).convert("RGB").quantize(64, dither=Image.Dither.NONE))
     shown = [_SHOWN] * (len(drawn) - 1) + [4 * _SHOWN]
-    drawn[0].save(
-        args.out, save_all=True, append_images=drawn[1:], duration=shown, loop=0, disposal=2
-    )
+    drawn[0].save(out, save_all=True, append_images=drawn[1:], duration=shown, loop=0, disposal=2)
 
 
 if __name__ == "__main__":

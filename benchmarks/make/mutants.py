@@ -69,8 +69,8 @@ MUTANTS = (
     Mutant(
         name="receptor weights: fields fall less steeply",
         file="geometry/receptors.py",
-        old="np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)",
-        new="np.maximum(np.subtract(1, bump, out=bump), 0, out=bump)",
+        old="bump = np.square(np.maximum(1 - np.square(distance.data / radius), 0))",
+        new="bump = np.maximum(1 - np.square(distance.data / radius), 0)",
         first=("tests/geometry/test_receptors.py", "tests/robot/test_sensor.py"),
     ),
     Mutant(

@@ -6,8 +6,9 @@
 
 `body_shape.png` and `plan_path.png` are figures of a torus' report, `moving.gif` its arm under
 dynamics, `live.png` the live page, `my_robot.png` the robot of the tutorial, `taken_home.png` an
-exported body in simulators; pictures with the name of an experiment are of its report. The others
-are drawn from stored tables: see `drawings.py`. What has run already is not run again.
+exported body in simulators, `growing.gif` a skeleton from few touches; pictures with the name of an
+experiment are of its report. The others are drawn from stored tables: see `drawings.py`. What has
+run already is not run again.
 """
 
 from __future__ import annotations
@@ -201,8 +202,15 @@ def drawn(name: str, runs: Path) -> None:
     picture.savefig(IMAGES / f"{name}.png", bbox_inches="tight", metadata={"Software": None})
 
 
+def growing(runs: Path) -> None:
+    """A skeleton that grows from few touches."""
+    from benchmarks.make.growing import BODY, SEED, TOUCHES, draw  # not needed for the others
+
+    draw(BODY, SEED, TOUCHES, IMAGES / "growing.gif")
+
+
 #: Pictures that write themselves, and figures of runs.
-OWN = {"moving": moving, "live": live, "diagram": diagram}
+OWN = {"moving": moving, "live": live, "diagram": diagram, "growing": growing}
 FROM_RUNS: dict[str, Callable[[Path], Figure]] = {
     "body_shape": functools.partial(figure, "body_shape", torus),
     "plan_path": functools.partial(figure, "plan_path", torus),
@@ -228,6 +236,8 @@ def digest(name: str) -> str:
             benchmarks / "life" / "exploration.py",
         ]
         files += [*(ROOT / "docs" / "data").glob("*.csv")]
+    elif name == "growing":
+        files += [benchmarks / "make" / "growing.py"]
     else:
         kinds = SYSTEMS if name == "diagram" else IN_MESHCAT if name == "live" else OF_A_RUN
         files += [Path(__file__), *(file for kind in kinds for file in package.glob(kind))]

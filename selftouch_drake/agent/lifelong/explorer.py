@@ -42,6 +42,10 @@ _PRESSED = 3.0
 #: Steps without contact after which the agent goes back to the last touch.
 _MOST_LOST = 2
 
+#: The agent gives up after so many returns in a row that found no contact. A body that travels does
+#: not come back to the very posture: giving up after one takes more than half as many motions more.
+_MOST_RETURNS = 4
+
 #: Share of the goals that are ends of poor links; the others are sensations felt seldom.
 _LINKS = 0.3
 
@@ -200,18 +204,18 @@ class ContactExplorer(Explorer):
 
     def _roam(self) -> Moves:
         """Slides about: walks at random, bent along the skin."""
-        lost = 0
+        lost = returns = 0
         for _ in range(self.dwell):
             yield from self._go(self._turned_round(self.q + self._in_touch(self._heading()))[None])
             if self.felt.any():
-                lost = 0
+                lost = returns = 0
                 continue
             lost += 1
             if lost == _MOST_LOST:
-                lost = 0
+                lost, returns = 0, returns + 1
                 yield from self._straight(self.touch)
-                if not self.felt.any():
-                    return  # the body changed
+                if returns == _MOST_RETURNS and not self.felt.any():
+                    return
                 # This direction left the skin; take another one.
                 self._walk = self.rng.standard_normal(len(self.q))
 
