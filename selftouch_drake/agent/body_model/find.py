@@ -202,8 +202,11 @@ def _find(search: Search, touches: StandardTouches, seed: int) -> Found | None:
     train, choice = (np.flatnonzero(of_part & (purpose == use)) for use in (0, CHOICE))
     some = np.sort(search.random.permutation(train)[:_SEARCHED])
     group = Group.of(some, touches.target[some])
-    several = len(limbs(*pair_statistic(search.q, group, least=20))) > 1
-    found, hands_first = None, several and len(touches.moving) > _MANY
+
+    def several() -> bool:
+        return len(limbs(*pair_statistic(search.q, group, least=20))) > 1
+
+    found, hands_first = None, len(touches.moving) > _MANY and several()
     if hands_first:
         # Hardly any chain is as long, and the search for one takes minutes.
         found = _grown(search, touches, purpose, seed, hands=True)
@@ -214,8 +217,9 @@ def _find(search: Search, touches: StandardTouches, seed: int) -> Found | None:
         return found if hands_first else _grown(search, touches, purpose, seed, hands=False)
     # One limb has one chain, which has been looked for; and what one chain does not explain of two
     # limbs are outliers.
-    accepted = chain.judgement.accepted
-    if not accepted and several and not hands_first and not chain.judgement.inliers > _ONE_LIMB:
+    verdict = chain.judgement
+    rejected_one = not verdict.accepted and not verdict.inliers > _ONE_LIMB
+    if rejected_one and not hands_first and several():
         found = _grown(search, touches, purpose, seed, hands=True)
         if found is not None and _any_accepted(found):
             return found

@@ -76,6 +76,10 @@ class Links:
                     pile.append((other, (*way, (joint, sign)), link))
         raise ValueError(f"links {start} and {end} are not joined")
 
+    def reaching(self, link: int) -> list[int]:
+        """Touchers that have joints enough on their way to touch all of a part on a link."""
+        return [u for u, other in self.toucher.items() if len(self.way(link, other)) >= 3]
+
     def extended(self, link: int, joints: Sequence[int], *, forwards: bool) -> tuple["Links", int]:
         """More joints in a row from a link on; and the link at their end.
 
@@ -248,7 +252,7 @@ def _hung_there(
     """The same on one link."""
     best: tuple[float, Mechanism] | None = None
     links = body.links
-    touchers = [u for u in sorted(links.toucher) if len(links.way(link, links.toucher[u])) >= 3]
+    touchers = sorted(links.reaching(link))
     while touchers:
         there = replace(links, part={**links.part, part: link})
         ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
@@ -280,9 +284,7 @@ def with_late_touchers(scene: Scene, body: Mechanism, random: np.random.Generato
     links = body.links
     for part, link in links.part.items():
         own = [u for p, u in body.pairs if p == part]
-        late = [
-            u for u in links.toucher if u not in own and len(links.way(link, links.toucher[u])) >= 3
-        ]
+        late = [u for u in links.reaching(link) if u not in own]
         if not late:
             continue
         some = scene.some(dense_rows(scene.target, scene.rows(part), random))

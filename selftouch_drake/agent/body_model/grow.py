@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -142,7 +143,7 @@ class _Grower:
     def full(self, body: Mechanism) -> Mechanism:
         """The body with all parts that can be added to it, one after another."""
         while True:
-            complete = with_late_touchers(self._training(), body, self.search.random)
+            complete = with_late_touchers(self._training, body, self.search.random)
             if complete is not body:
                 body = self.bundled(complete)
             waiting = [part for part in self.parts if part not in body.links.part]
@@ -251,7 +252,7 @@ class _Grower:
         """The body with those parts hung that need nothing new; None if there are none."""
         added = False
         for part in waiting:
-            best = hung(self._training(), body, part, self.search.random)
+            best = hung(self._training, body, part, self.search.random)
             self.search.tick()
             if best is not None and best[0] > _JOINS:
                 body, added = best[1], True
@@ -341,12 +342,10 @@ class _Grower:
     def _with_all_hands(self, body: Mechanism, part: int) -> Mechanism:
         """The body with every toucher that may have touched the part."""
         pairs = [pair for pair in body.pairs if pair[0] != part]
-        touchers = [
-            u for u, link in body.links.toucher.items()
-            if len(body.links.way(body.links.part[part], link)) >= 3
-        ]  # fmt: skip
+        touchers = body.links.reaching(body.links.part[part])
         return replace(body, pairs=(*pairs, *((part, u) for u in touchers)))
 
+    @cached_property
     def _training(self) -> Scene:
         return self.scene.some(np.sort(np.concatenate(list(self.rows.values()))))
 

@@ -167,9 +167,7 @@ class Lifter:
         num, length = len(x), len(joints)
         lower, upper = self.lower[joints], self.upper[joints]
         root, rough = way.weight(), roughness(num, acceleration=_ACCELERATION)
-        bands = np.zeros((3 * length, num * length))
-        for off in range(3):
-            bands[off * length] = np.pad(np.repeat(np.diag(rough, -off), length), (0, off * length))
+        bands = roughness_bands(rough, length)
 
         def state(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
             """The cost, half of its derivatives `(T, L)`, and their own, but for roughness."""
@@ -191,11 +189,7 @@ class Lifter:
 
         cost, pull, square = state(x)
         for _ in range(_SMOOTHED):
-            system = bands.copy()
-            for off in range(length):
-                diagonal = np.zeros((num, length))
-                diagonal[:, : length - off] = np.diagonal(square, off, 1, 2)
-                system[off] += diagonal.ravel()
+            system = with_blocks(bands, square)
             # The first posture is given: its columns leave the system.
             step = -solveh_banded(system[:, length:], pull[1:].ravel(), lower=True)
             step = step.reshape(num - 1, length)
@@ -222,3 +216,22 @@ def roughness(num: int, *, acceleration: float) -> np.ndarray:
     speed = np.diff(np.eye(num), axis=0)
     bend = np.diff(np.eye(num), 2, axis=0)
     return speed.T @ speed + acceleration * bend.T @ bend
+
+
+def roughness_bands(rough: np.ndarray, length: int) -> np.ndarray:
+    """`(3 L, T L)` lower bands of what `(T, T)` roughness makes of each of L joints."""
+    bands = np.zeros((3 * length, len(rough) * length))
+    for off in range(3):
+        repeated = np.repeat(np.diag(rough, -off), length)
+        bands[off * length, : len(repeated)] = repeated
+    return bands
+
+
+def with_blocks(bands: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """Lower bands to which `(T, L, L)` blocks of each knot are added."""
+    system, (num, length, _) = bands.copy(), square.shape
+    for off in range(length):
+        diagonal = np.zeros((num, length))
+        diagonal[:, : length - off] = np.diagonal(square, off, 1, 2)
+        system[off] += diagonal.ravel()
+    return system

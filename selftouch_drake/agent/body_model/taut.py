@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from selftouch_drake.agent.body_model.lift import Lifter, roughness
+from selftouch_drake.agent.body_model.lift import Lifter, roughness, roughness_bands, with_blocks
 
 # Weights of squared distances of neighbouring places, in distances of kernels, and of squared
 # accelerations, beside squared speeds in mu. Ways round are then 1.1 to 1.6 times the shortest
@@ -60,7 +60,7 @@ def pulled_taut(skin: Lifter, x: np.ndarray, end: np.ndarray) -> np.ndarray:
     lower, upper = skin.lower[joints], skin.upper[joints]
     rough = roughness(len(x), acceleration=_ACCELERATION)
     state, damping = _state(skin, x, end, rough), _DAMPED
-    bands = _bands(rough, len(joints))
+    bands = roughness_bands(rough, len(joints))
     for _ in range(_STEPS):
         for _ in range(_TRIED):
             step = _step(state, bands, damping)
@@ -115,23 +115,10 @@ def _state(skin: Lifter, x: np.ndarray, end: np.ndarray, rough: np.ndarray) -> _
     return _State(x=x, cost=cost, pull=pull, square=square, across=across)
 
 
-def _bands(rough: np.ndarray, length: int) -> np.ndarray:
-    """`(3 L, T L)` lower bands of what roughness makes of each joint."""
-    bands = np.zeros((3 * length, len(rough) * length))
-    for off in range(3):
-        repeated = np.repeat(np.diag(rough, -off), length)
-        bands[off * length, : len(repeated)] = repeated
-    return bands
-
-
 def _step(state: _State, bands: np.ndarray, damping: float) -> np.ndarray:
     """`(T - 1, L)` a damped step of all knots but the first, which is given."""
     num, length = state.pull.shape
-    system = bands.copy()
-    for off in range(length):
-        diagonal = np.zeros((num, length))
-        diagonal[:, : length - off] = np.diagonal(state.square, off, 1, 2)
-        system[off] += diagonal.ravel()
+    system = with_blocks(bands, state.square)
     for row in range(length):
         for column in range(length):
             band = system[length + row - column].reshape(num, length)

@@ -8,13 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.agent.memory import RehearsalMemory
-from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation.paths import TruePaths
 from selftouch_drake.files import written_whole
 from selftouch_drake.run.artifacts import load_agent, load_motion
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.stages import Progress, silent
-from selftouch_drake.run.worlds import run_bodies
 from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.found_figures import found_numbers, found_receptors
 from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
@@ -66,8 +64,8 @@ def plan_ways(data: RunData) -> Figure:
     start, goal = data.shown_pair
     execution = data.execution(start, goal)
     motion = execution.motion
-    pilot = pilot_in(run_bodies(data.run), load_agent(data.run), data.run.experiment)
-    agent = pilot.agent.recalling(RehearsalMemory.blank(pilot.agent.representation))
+    agent = load_agent(data.run)
+    agent = agent.recalling(RehearsalMemory.blank(agent.representation))
     plan = agent.plan(start, goal, q_start=motion.q[0])
     before = plan.path(np.linspace(0.0, plan.waypoint_s[-1], len(motion.q)))
     of = "imagined, " if plan.is_imagined else ""
