@@ -99,7 +99,7 @@ def model(
     standard error  of the direction
     open            what touches do not tell
     held-out        touches that lie nearer to their own kernel than kernels to each other;
-                    a part is accepted above 85 %
+                    a part is accepted above 88 %, or 75 % if others proved its joints
 
     A run begun with `--set '{representation: {body_model: off}}'` does not ask.
 

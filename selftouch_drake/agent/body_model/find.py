@@ -13,6 +13,8 @@ from selftouch_drake.agent.body_model.density import limbs
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
 from selftouch_drake.agent.body_model.forest import Mechanism
 from selftouch_drake.agent.body_model.judge import (
+    ACCEPTED,
+    ACCEPTED_OF_PROVED,
     CHOICE,
     VERDICT,
     Judgement,
@@ -366,7 +368,9 @@ def _solved(
     return _Chain(part, order, scene, solution, verdict, swaps, fixed)
 
 
-def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Judgement:
+def judge_part(
+    scene: Scene, tests: Scene, solution: Solution, part: int, *, proved: bool = False
+) -> Judgement:
     """The judgement of one part.
 
     Args:
@@ -374,9 +378,10 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
         tests: held-out touches.
         solution: of the training touches.
         part: which part.
+        proved: whether other parts have proved all of its joints.
     """
     touchers = scene.touchers(part)
-    joints = np.array(sorted({joint for u in touchers for joint, _ in scene.ways[part, u]}))
+    joints = np.array(sorted(_joints_to(scene, part)))
 
     def sample(some: Scene, toucher: np.ndarray) -> Sample:
         rows = some.rows(part)
@@ -393,8 +398,27 @@ def judge_part(scene: Scene, tests: Scene, solution: Solution, part: int) -> Jud
         parameters += solution.sizes.shape.shape[1] * int(solution.sizes.sized[touchers].sum())
     return judged(
         sample(scene, who), sample(tests, np.full(len(tests.rows(part)), -1)),
-        parameters=parameters, number=len(scene.part),
+        parameters=0 if proved else parameters, number=len(scene.part),
+        needed=ACCEPTED_OF_PROVED if proved else ACCEPTED,
     )  # fmt: skip
+
+
+def judge_parts(scene: Scene, tests: Scene, solution: Solution) -> dict[int, Judgement]:
+    """The judgement of each part; one whose joints others have proved is asked less."""
+    verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
+    proved = set[int]()
+    for part, verdict in verdicts.items():
+        if verdict.accepted:
+            proved |= _joints_to(scene, part)
+    for part, verdict in verdicts.items():
+        if not verdict.accepted and _joints_to(scene, part) <= proved:
+            verdicts[part] = judge_part(scene, tests, solution, part, proved=True)
+    return verdicts
+
+
+def _joints_to(scene: Scene, part: int) -> set[int]:
+    """The joints between a part and all of its touchers."""
+    return {joint for u in scene.touchers(part) for joint, _ in scene.ways[part, u]}
 
 
 def _finished(
@@ -479,7 +503,7 @@ def _finished_tree(
     if solution.sizes is None:
         # Nothing of a tree of points was chosen by held-out touches: all of them judge it.
         tests = whole.some(np.flatnonzero(purpose > 0))
-    verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
+    verdicts = judge_parts(scene, tests, solution)
     final = carried_over(whole, solution)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(

@@ -8,8 +8,17 @@ from hand_made_chains import an_arm, misfit, touches
 
 from selftouch_drake.agent.body_model.assemble import reasons
 from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.find import judge_part, judge_parts
 from selftouch_drake.agent.body_model.fit import chain_way
-from selftouch_drake.agent.body_model.judge import CHOICE, VERDICT, Sample, held_out, judged
+from selftouch_drake.agent.body_model.judge import (
+    ACCEPTED,
+    ACCEPTED_OF_PROVED,
+    CHOICE,
+    VERDICT,
+    Sample,
+    held_out,
+    judged,
+)
 from selftouch_drake.agent.body_model.planes import in_a_plane
 from selftouch_drake.agent.body_model.scene import Scene, all_places
 from selftouch_drake.agent.body_model.who_touched import started
@@ -103,6 +112,32 @@ def test_one_of_two_postures_is_not_enough():
     q, target, which = crowded(2)
     twists, point = an_arm(seed=8)
     assert not verdict(q, target, twists, point, outlier=which == 1).accepted
+
+
+@pytest.mark.parametrize("noise_of_other", [0.0, 0.06])
+def test_joints_that_other_parts_proved_make_a_judgement_milder(noise_of_other):
+    # Two skins on one link; the readings shake where the second one is touched.
+    twists, point = an_arm(joints=5)
+    number = 3000
+    both = [touches(twists, point, number=number, seed=s, kernels=KERNELS) for s in (0, 1)]
+    q = np.concatenate([one[0] for one in both])
+    target = np.concatenate([both[0][1], KERNELS + both[1][1]])
+    random = np.random.default_rng(2)
+    q[:number] += noise_of_other * random.standard_normal((number, 5))
+    q[number:] += 0.06 * random.standard_normal((number, 5))
+    way = chain_way(range(5))
+    part = np.repeat([0, 1], KERNELS)
+    whole = Scene(q, target, part, {(0, 0): way, (1, 0): way})
+    test = held_out(q, random) > 0
+    scene, tests = whole.some(np.flatnonzero(~test)), whole.some(np.flatnonzero(test))
+    solution = started(scene, twists, point[None])
+    alone = judge_part(scene, tests, solution, 1)
+    assert ACCEPTED_OF_PROVED < alone.near < ACCEPTED
+    assert not alone.accepted
+    found = judge_parts(scene, tests, solution)
+    proved = noise_of_other == 0
+    assert [found[0].accepted, found[1].accepted] == [proved, proved]
+    assert ("75% needed" if proved else "88% needed") in found[1].reason
 
 
 def test_who_chooses_does_not_judge():
