@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning.planner import Planner, Prefer
+from selftouch_drake.agent.planning.planner import Planner, Preference
 from selftouch_drake.agent.planning.prediction import (
     Prediction,
     predict_sensation,
@@ -58,7 +58,7 @@ class Agent:
     kernel_sensation: csr_array | None = None
     knot_spacing: float = KNOT_SPACING
     touch_model: TouchModel | None = None
-    prefer: Prefer = "body"
+    prefer: Preference = "body"
     body_model: "BodyModel | None" = None
 
     @classmethod

@@ -25,7 +25,7 @@ from selftouch_drake.quotient.smooth import KNOT_SPACING
 _JOINTS_POWER = 1.5
 
 #: What a route keeps short: its path on the `body`, or the motion of the `joints`.
-Prefer = Literal["body", "joints"]
+Preference = Literal["body", "joints"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +85,7 @@ class Planner:
         *,
         knot_spacing: float = KNOT_SPACING,
         touch_model: TouchModel | None = None,
-        prefer: Prefer = "body",
+        prefer: Preference = "body",
     ) -> None:
         if not knot_spacing > 0.0:
             raise ValueError(f"knot_spacing is {knot_spacing} mu: give a positive number")
