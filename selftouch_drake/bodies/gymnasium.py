@@ -9,8 +9,8 @@ from typing import Any, cast
 import numpy as np
 
 from selftouch_drake.agent.body import BodyError, Felt, Followed
+from selftouch_drake.bodies.class_of_file import load_class, make_instance, split_reference
 from selftouch_drake.bodies.drive import Actions, Drive, Kind, find_actions
-from selftouch_drake.bodies.own import load_class, make_instance, split_reference
 from selftouch_drake.experiment import closest, shown
 from selftouch_drake.experiment.schema import GymnasiumSettings
 

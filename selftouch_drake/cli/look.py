@@ -177,7 +177,8 @@ def _begin_or_open(experiment: str, out: Path | None, overrides: dict[str, Any])
 
 def _open_body(body: str, overrides: dict[str, Any]) -> "CheckedBody":
     """Opens the body that a class in a file is, or that an experiment names."""
-    from selftouch_drake.bodies.own import open_body, open_reference, split_reference
+    from selftouch_drake.bodies.class_of_file import split_reference
+    from selftouch_drake.bodies.own import open_body, open_reference
 
     if split_reference(body) is not None:
         return open_reference(body)

@@ -127,12 +127,8 @@ def _open(source: str, given: dict[str, Any]) -> _Opened:
     Raises:
         ValueError: there is no such class, or it does not do what it must.
     """
-    from selftouch_drake.bodies.own import (
-        load_class,
-        make_instance,
-        open_reference,
-        split_reference,
-    )
+    from selftouch_drake.bodies.class_of_file import load_class, make_instance, split_reference
+    from selftouch_drake.bodies.own import open_reference
     from selftouch_drake.run.streams import Callback, GrowingFile, MovingBody
     from selftouch_drake.run.teaching import columns_of
 
