@@ -3,7 +3,6 @@
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from selftouch_drake.quotient import learn
@@ -11,17 +10,7 @@ from selftouch_drake.quotient import learn
 # pytest's importlib mode imports each test file by itself: this lets them share `bodies_by_hand`.
 sys.path.insert(0, str(Path(__file__).parent))
 
-
-def touch_sphere(num_rows: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """5 joints, of which 2 have no effect, and sensations of 30 receptors on a unit sphere."""
-    rng = np.random.default_rng(seed)
-    touched, receptors = (rng.normal(size=(n, 3)) for n in (num_rows, 30))
-    touched /= np.linalg.norm(touched, axis=1, keepdims=True)
-    receptors /= np.linalg.norm(receptors, axis=1, keepdims=True)
-    field = np.clip(touched @ receptors.T, 0.0, None) ** 3
-    sensation = field * rng.uniform(0.1, 1.0, (num_rows, 1))
-    q = np.hstack([touched, rng.uniform(-0.3, 0.3, (num_rows, 2))])
-    return q.astype(np.float32), sensation.astype(np.float32)
+from touched_sphere import touch_sphere
 
 
 @pytest.fixture(scope="session")

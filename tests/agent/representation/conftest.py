@@ -1,24 +1,19 @@
-import numpy as np
+import sys
+from pathlib import Path
+
 import pytest
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "quotient"))
 
-def touch_sphere(num_rows: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Sensations of 30 receptors on a unit sphere, and 5 joints; 2 have no effect."""
-    rng = np.random.default_rng(seed)
-    touched, receptors = (rng.normal(size=(n, 3)) for n in (num_rows, 30))
-    touched /= np.linalg.norm(touched, axis=1, keepdims=True)
-    receptors /= np.linalg.norm(receptors, axis=1, keepdims=True)
-    field = np.clip(touched @ receptors.T, 0.0, None) ** 3
-    sensation = field * rng.uniform(0.1, 1.0, (num_rows, 1))
-    q = np.hstack([touched, rng.uniform(-0.3, 0.3, (num_rows, 2))])
-    return sensation.astype(np.float32), q.astype(np.float32)
+from touched_sphere import touch_sphere
 
 
 @pytest.fixture(scope="session")
 def experience():
-    return touch_sphere(6000)
+    q, sensation = touch_sphere(6000)
+    return sensation, q
 
 
 @pytest.fixture(scope="session")
