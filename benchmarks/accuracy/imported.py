@@ -13,13 +13,15 @@ which `selftouch import` reads too:
 - `raw_no_spikes`: the same without spikes.
 
 Each is imported, learned and recovered as `selftouch` does it; then the shapes are compared with
-the truth, and it is looked where along twenty random plans the perfect skin is touched. Recordings
+the truth, and it is looked where along twenty random plans the perfect skin is touched: those that
+the body model imagines, if it was accepted, and those of the paper's representation. Recordings
 that are there already are not made again.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 import time
 from pathlib import Path
@@ -120,16 +122,22 @@ def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metri
     agent = Agent.learn(felt.q, felt.sensation, num_targets=num_targets)
     body = agent.recover(metric)
     seconds = time.process_time() - began
+    model = agent.find_body_model()
+    modelled = time.process_time() - began - seconds
+    imagining = dataclasses.replace(agent, body_model=model)
     known = agent.representation
     truth = kernel_truth(known, contacts[felt.rows[known.kernel_row]], world.receptor_skin)
     errors = shape_errors(body.positions, known.part, truth)
     part, held = body.parts[0], 100 * contact(agent, world)
+    imagined = 100 * contact(imagining, world)
     holes = "" if part.topology is None else " ".join(map(str, part.topology.betti))
     margin = "" if part.topology is None else f"{part.topology.margin:.1f}"
     return (
         f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
         f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {body.metric} "
-        f"| {held.mean():.1f} % | {held.min():.0f} % | {seconds:.0f} s |"
+        f"| {held.mean():.1f} % | {held.min():.0f} % | {seconds:.0f} s "
+        f"| {model.held_out[0]:.2f}{' (rejected)' if not model.accepted else ''} "
+        f"| {imagined.mean():.1f} % | {imagined.min():.0f} % | {modelled:.0f} s |"
     )
 
 
@@ -156,9 +164,9 @@ def main() -> None:
             print(rows[-1], flush=True)
     print(
         "\n| skin | touches | false | shape error | holes | margin | dimension | metric "
-        "| contact | worst | time |"
+        "| contact | worst | time | near | imagined | worst | time |"
     )
-    print("|---" * 11 + "|")
+    print("|---" * 15 + "|")
     print("\n".join(rows))
 
 
