@@ -53,6 +53,10 @@ _MOST_TOUCHERS = 4
 _SWAPS = 0.02
 # Chains that began apart and whose criteria differ by less agree.
 _SAME = 0.1
+# Chains that explain no more than this share of the touches do not end the search, agree or not:
+# of twelve searches in a recording of seven joints three had ended so, before the right chain. A
+# search is made so often at most if it finds nothing else.
+_MOSTLY, _SEARCHES = 0.5, 2
 # Above this share of inliers one limb made all touches.
 _ONE_LIMB = 0.9
 # A flat chain is taken unless it explains less than the same chain in space, by this share.
@@ -304,18 +308,26 @@ def _chain_of_part(
     """The best chain of a part: the first one that held-out touches accept, else the best.
 
     The search ends when two chains that began apart agree: nothing better was missed by chance.
+    Chains that leave most touches out do not count, for they share false optima; if there are no
+    others, it begins anew.
     """
     if group.num_kernels < 8:
         return None
-    best, costs = None, []
-    for body in found_chains(search, group, touches.moving):
-        chain = _solved(search, touches, split, body, part)
-        costs.append(float(body.loss.sum()))
-        value = _score(chain.judgement), -costs[-1]
-        if best is None or value > best[0]:
-            best = value, chain, body
-        if chain.judgement.accepted or _settled(costs):
+    best = None
+    costs: list[float] = []
+    for _ in range(_SEARCHES):
+        if costs:
             break
+        for body in found_chains(search, group, touches.moving):
+            chain = _solved(search, touches, split, body, part)
+            cost = float(body.loss.sum())
+            if chain.judgement.inliers > _MOSTLY:
+                costs.append(cost)
+            value = _score(chain.judgement), -cost
+            if best is None or value > best[0]:
+                best = value, chain, body
+            if chain.judgement.accepted or _settled(costs):
+                break
     if best is None:
         return None
     _, chain, body = best
