@@ -21,6 +21,7 @@ from selftouch_drake.agent.body_model.judge import (
     judged,
 )
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejected
+from selftouch_drake.agent.body_model.one_limb import Moved, moved_together, of_limbs
 from selftouch_drake.agent.body_model.planes import in_a_plane
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import (
@@ -73,6 +74,7 @@ def find_body_model(
     *,
     joint_names: Sequence[str],
     double: np.ndarray | None = None,
+    sequence: np.ndarray | None = None,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
     each: Each = map,
@@ -86,6 +88,7 @@ def find_body_model(
         part: `(K,)` part of each target sensation.
         joint_names: `(J,)` carried along.
         double: `(R,)` bool, touches that press two parts: the fit leaves them out.
+        sequence: `(R,)` numbers that rise from touch to touch; their order by default.
         seed: of all randomness.
         progress: called with the fraction done, 0 to 1, and what is done.
         each: maps a function over items, in threads for instance; the model does not depend on it.
@@ -105,6 +108,12 @@ def find_body_model(
             seed=seed,
         )
 
+    def model_of(found: Found) -> BodyModel:
+        tick.say(0.97, "skin")
+        model = assembled(found, joint_names=joint_names, num_rows=len(q), sensation=sensation)
+        tick.say(1.0, "judged")
+        return model
+
     number = len(touches.rows)
     few_enough = sensation is not None and number <= few.MOST and len(set(part[target])) == 1
     least = few.FEWEST if few_enough else structure.FEWEST
@@ -115,6 +124,15 @@ def find_body_model(
         )
     tick = _Ticks(progress)
     search = Search(touches.single(), np.random.default_rng(seed), each, tick)
+    if sensation is not None and number <= few.MOST:
+        when = touches.when(sequence)
+        moved = moved_together(touches.q[when])
+        if len(moved.sets) > 1:
+            moved = moved.at(when)
+            found = _find_by_limbs(search, touches, sensation, moved, seed)
+            if found is None:
+                return none("No part has touches of two limbs, moved one at a time, that tell both.")
+            return model_of(found)
     found = None
     if few_enough:
         found = _find_by_sensation(search, touches, sensation, seed)
@@ -122,10 +140,7 @@ def find_body_model(
         found = _find(search, touches, seed)
     if found is None:
         return none("No chain of joints explains the touches.")
-    tick.say(0.97, "skin")
-    model = assembled(found, joint_names=joint_names, num_rows=len(q), sensation=sensation)
-    tick.say(1.0, "judged")
-    return model
+    return model_of(found)
 
 
 class _Ticks:
@@ -182,6 +197,12 @@ class StandardTouches:
             )
         standard, center, scale, moving = StandardReadings.of(q)
         return StandardTouches(standard, target, np.asarray(part), rows, center, scale, moving)
+
+    def when(self, sequence: np.ndarray | None) -> np.ndarray:
+        """`(n,)` its touches, one after the other."""
+        if sequence is None:
+            return np.arange(len(self.rows))
+        return np.argsort(np.asarray(sequence)[self.rows], kind="stable")
 
     def single(self) -> np.ndarray:
         """`(J, n)` float32 readings, as a search wants them."""
@@ -262,6 +283,19 @@ def _find_by_sensation(
         order_group=order_groups(chain.order, chain.swaps, len(touches.center)),
         judgements={part: chain.judgement}, seed=seed, spread=chain.spread,
     )  # fmt: skip
+
+
+def _find_by_limbs(
+    search: Search, touches: StandardTouches, sensation: csr_array, moved: Moved, seed: int
+) -> Found | None:
+    """The body of few touches that were made with one limb at a time."""
+    felt = csr_array(sensation)[touches.rows]
+    first = of_limbs(search, touches.q, felt, touches.part[touches.target], moved)
+    if first is None:
+        return None
+    purpose = held_out(touches.q, search.random)
+    body = grow.full(first, search, touches.scene({}), purpose > 0, touches.moving)
+    return _finished_tree(search, touches, body, purpose, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

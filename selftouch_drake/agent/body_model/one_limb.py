@@ -1,0 +1,155 @@
+"""Touches made with some joints alone, while the others stood still.
+
+Who moves one limb at a time says who touched: a joint that stood still changed nothing. So each set
+of joints that moved together has a chain of its own, found from few touches by what they feel like,
+and chains of one part meet where they felt the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model import few
+from selftouch_drake.agent.body_model.chain import adjoint, places
+from selftouch_drake.agent.body_model.forest import Links, Mechanism, robust_similarity
+from selftouch_drake.agent.body_model.smoothness import Sensed
+from selftouch_drake.agent.body_model.structure import Search
+
+# A joint stood still where it stayed within this share of its range for so many touches, in which
+# another joint crossed that share of its own: of a slow walk all joints stay for a while.
+_STILL, _IN_A_ROW, _CROSSED = 0.005, 4, 0.2
+# A set of joints moved together for at least so many touches, and this share of all. Sets with less
+# than this share together are chance: where joints turn round they stay for a while.
+_FEWEST, _LEAST_SHARE, _TOGETHER = 20, 0.05, 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moved:
+    """Which joints moved.
+
+    Attributes:
+        sets: joints that moved together, sorted, the set of most touches first; only where others
+            stood still.
+        of_touch: `(n,)` the set of each touch; -1 for a touch of no set.
+    """
+
+    sets: Sequence[tuple[int, ...]]
+    of_touch: np.ndarray
+
+    def at(self, rows: np.ndarray) -> "Moved":
+        """The same of touches in another order, of which these were `rows`."""
+        of_touch = np.empty_like(self.of_touch)
+        of_touch[rows] = self.of_touch
+        return Moved(self.sets, of_touch)
+
+
+def moved_together(q: np.ndarray) -> Moved:
+    """Sets of joints that moved while others stood still.
+
+    Args:
+        q: `(n, J)` readings of touches, one after the other.
+    """
+    ever = np.ptp(q, axis=0) > 0
+    stood = _stood_still(q)
+    moved = ever & ~stood
+    some = np.flatnonzero(stood[:, ever].any(axis=1) & moved.any(axis=1))
+    found, label, count = np.unique(
+        moved[some], axis=0, return_inverse=True, return_counts=True
+    )
+    of_touch = np.full(len(q), -1)
+    sets: list[tuple[int, ...]] = []
+    needed = max(_FEWEST, _LEAST_SHARE * len(q))
+    for index in np.argsort(-count, kind="stable"):
+        joints = set(np.flatnonzero(found[index]).tolist())
+        own = some[label.ravel() == index]
+        # Who moves a limb may leave some of its joints alone for a while.
+        larger = [n for n, other in enumerate(sets) if joints <= set(other)]
+        if larger:
+            of_touch[own] = larger[0]
+        elif count[index] >= needed:
+            of_touch[own] = len(sets)
+            sets.append(tuple(sorted(joints)))
+    if (of_touch >= 0).mean() < _TOGETHER:
+        return Moved([], np.full(len(q), -1))
+    return Moved(sets, of_touch)
+
+
+def _stood_still(q: np.ndarray) -> np.ndarray:
+    """`(n, J)` whether a joint stood still while others moved."""
+    span = np.ptp(q, axis=0)
+    share = q / np.where(span > 0, span, 1.0)
+    stood = np.zeros(q.shape, dtype=bool)
+    for joint, column in enumerate(share.T):
+        begin = 0
+        for end in range(1, len(column) + 1):
+            if end < len(column) and abs(column[end] - column[begin]) <= _STILL:
+                continue
+            if end - begin >= _IN_A_ROW and np.ptp(share[begin:end], axis=0).max() > _CROSSED:
+                stood[begin:end, joint] = True
+            begin = end
+    return stood
+
+
+def of_limbs(
+    search: Search, q: np.ndarray, sensation: csr_array, part: np.ndarray, moved: Moved
+) -> Mechanism | None:
+    """One body of the chains of all limbs that reach one part; None if fewer than two do.
+
+    Args:
+        search: what to work on.
+        q: `(n, J)` standardised readings.
+        sensation: `(n, S)` readings of the receptors.
+        part: `(n,)` part that each touch is on.
+        moved: which joints moved.
+    """
+    counts = {
+        int(p): [np.flatnonzero((part == p) & (moved.of_touch == s)) for s in range(len(moved.sets))]
+        for p in np.unique(part)
+    }
+    # The part that most limbs touched often.
+    shared = max(counts, key=lambda p: sorted(len(rows) for rows in counts[p])[::-1][1])
+    limbs = []
+    for joints, rows in zip(moved.sets, counts[shared], strict=True):
+        if len(rows) < few.needed_for(len(joints))[1]:
+            continue
+        alone = replace(search, q=np.ascontiguousarray(search.q[:, rows]))
+        found = few.found_by_sensation(alone, q[rows], sensation[rows], list(joints))
+        search.tick()
+        if found is not None and found.judgement.accepted:
+            limbs.append((found, rows))
+    if len(limbs) < 2:
+        return None
+    return joined(q, sensation, shared, limbs)
+
+
+def joined(
+    q: np.ndarray,
+    sensation: csr_array,
+    part: int,
+    limbs: Sequence[tuple[few.FewFound, np.ndarray]],
+) -> Mechanism:
+    """One body of several chains from one part, brought together where they felt the same.
+
+    Args:
+        q: `(n, J)` standardised readings.
+        sensation: `(n, S)` readings of the receptors.
+        part: that all chains begin at.
+        limbs: chains, each with the rows of its touches.
+    """
+    first, rows = limbs[0]
+    links = Links.of_chain(tuple((joint, 1) for joint in first.order), part)
+    twists, points = first.twists.copy(), [first.point]
+    sensed = Sensed.of(sensation[rows])
+    own = places(q[rows][:, first.order], first.twists[first.order], first.point)
+    for number, (other, its_rows) in enumerate(limbs[1:], start=1):
+        its = places(q[its_rows][:, other.order], other.twists[other.order], other.point)
+        wanted = sensed.predicted(own, sensed.like(sensation[its_rows]))
+        motion = robust_similarity(its, wanted)
+        links, end = links.extended(links.part[part], other.order, forwards=True)
+        links = replace(links, toucher={**links.toucher, number: end})
+        twists[other.order] = adjoint(motion, other.twists[other.order])
+        points.append(motion[:3, :3] @ other.point + motion[:3, 3])
+    pairs = tuple((part, toucher) for toucher in range(len(points)))
+    return Mechanism(links, twists, np.array(points), pairs)
