@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from selftouch_drake.agent.body_model import few
 from selftouch_drake.agent.body_model.chain import adjoint, places
@@ -30,8 +31,7 @@ class Moved:
     """Which joints moved.
 
     Attributes:
-        sets: joints that moved together, sorted, the set of most touches first; only where others
-            stood still.
+        sets: joints that moved together while others stood still; no joint is in two of them.
         of_touch: `(n,)` the set of each touch; -1 for a touch of no set.
     """
 
@@ -55,25 +55,18 @@ def moved_together(q: np.ndarray) -> Moved:
     stood = _stood_still(q)
     moved = ever & ~stood
     some = np.flatnonzero(stood[:, ever].any(axis=1) & moved.any(axis=1))
-    found, label, count = np.unique(
-        moved[some], axis=0, return_inverse=True, return_counts=True
-    )
+    found, count = np.unique(moved[some], axis=0, return_counts=True)
+    often = found[count >= max(_FEWEST, _LEAST_SHARE * len(q))]
+    # What moved together once is one limb: who moves it may leave some of its joints alone.
+    _, limb = connected_components(often.T.astype(int) @ often)
+    sets = [np.flatnonzero(limb == number) for number in np.unique(limb[often.any(axis=0)])]
     of_touch = np.full(len(q), -1)
-    sets: list[tuple[int, ...]] = []
-    needed = max(_FEWEST, _LEAST_SHARE * len(q))
-    for index in np.argsort(-count, kind="stable"):
-        joints = set(np.flatnonzero(found[index]).tolist())
-        own = some[label.ravel() == index]
-        # Who moves a limb may leave some of its joints alone for a while.
-        larger = [n for n, other in enumerate(sets) if joints <= set(other)]
-        if larger:
-            of_touch[own] = larger[0]
-        elif count[index] >= needed:
-            of_touch[own] = len(sets)
-            sets.append(tuple(sorted(joints)))
+    for number, joints in enumerate(sets):
+        others = np.setdiff1d(np.arange(q.shape[1]), joints)
+        of_touch[some[~moved[np.ix_(some, others)].any(axis=1)]] = number
     if (of_touch >= 0).mean() < _TOGETHER:
         return Moved([], np.full(len(q), -1))
-    return Moved(sets, of_touch)
+    return Moved([tuple(joints.tolist()) for joints in sets], of_touch)
 
 
 def _stood_still(q: np.ndarray) -> np.ndarray:

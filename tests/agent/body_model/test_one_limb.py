@@ -35,10 +35,16 @@ def test_what_stands_still_parts_the_limbs():
 
 def test_joints_that_are_left_alone_for_a_while_stay_in_their_limb():
     q = one_limb_at_a_time()
-    q[20:30, 5] = 0.3  # the right limb moves with two of its joints
+    q[20:60, 5] = 0.3  # the right limb moves with two of its joints
     moved = moved_together(q)
     assert sorted(moved.sets) == [LEFT, RIGHT]
-    assert (moved.of_touch[20:30] == moved.sets.index(RIGHT)).all()
+    assert (moved.of_touch[40:50] == moved.sets.index(RIGHT)).all()
+
+
+def test_limbs_that_share_a_joint_are_not_told_apart():
+    q = one_limb_at_a_time()
+    q[:, 3] = np.random.default_rng(5).uniform(-1, 1, len(q))  # as a waist that always moves
+    assert len(moved_together(q).sets) == 1
 
 
 @pytest.mark.parametrize("step", [None, 0.05, 0.001])

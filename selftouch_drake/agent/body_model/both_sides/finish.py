@@ -18,7 +18,8 @@ from selftouch_drake.agent.body_model.both_sides.problem import Population, Prob
 _DAMPING, _LESS, _MORE, _MOST = 1e-2, 0.3, 5.0, 1e6
 # The finish ends after a step that gains less than this share, so many times in a row.
 _CONVERGED, _STALE = 1e-6, 3
-# Residuals of a one-sided linear cost below which it is taken for square.
+# Below this residual a cost that is linear on one side is taken for square: at its many corners no
+# step would go down.
 _CORNER = 0.05
 
 
@@ -126,8 +127,9 @@ class Cost:
         row = row.copy()
         axes = row[: 3 * self._num_joints].reshape(-1, 3)
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        mean = [self._grain(row, skin, slopes=False)[0][0] for skin in self._skins]
-        row[3 * self._num_joints :] *= np.exp(-np.mean(mean))
+        # Distances are not quite proportional: a tiny one is added to each.
+        for _ in range(2):
+            row[3 * self._num_joints :] *= np.exp(-self._unit(row)[0])
         return row
 
     def value(self, row: np.ndarray) -> float:
@@ -135,7 +137,10 @@ class Cost:
         return sum(cost for cost, _ in self._terms(row, slopes=False))
 
     def expanded(self, row: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """The loss, its gradient, and the matrix of reweighted least squares."""
+        """The loss, its gradient, and the matrix of reweighted least squares, after `normed`.
+
+        A step that makes all larger is undone by `normed`: lengths count relative to the unit.
+        """
         total, gradient, normal = 0.0, np.zeros(len(row)), np.zeros((len(row), len(row)))
         for cost, rows in self._terms(row, slopes=True):
             total += cost
@@ -144,22 +149,30 @@ class Cost:
             weighted = rows.slope * rows.weight[:, None]
             gradient[rows.columns] += rows.push @ rows.slope
             normal[np.ix_(rows.columns, rows.columns)] += weighted.T @ rows.slope
-        return total, gradient, normal
+        lengths = row.copy()
+        lengths[: 3 * self._num_joints] = 0
+        unit = self._unit(row)[1]
+        moved = np.eye(len(row)) - np.outer(lengths, unit)
+        gradient, normal = moved.T @ gradient, moved.T @ normal @ moved
+        return total, gradient, normal + 2 * descent._UNIT * np.outer(unit, unit)
+
+    def _unit(self, row: np.ndarray) -> tuple[float, np.ndarray]:
+        """Mean logarithm by which skins are larger than their grain, and its slope."""
+        mean, slope = 0.0, np.zeros(len(row))
+        for skin in self._skins:
+            begin, size = self._data.offset[skin.end], self._data.size[skin.end]
+            own = slice(begin, begin + 3 * size)
+            place = skin.basis @ row[own].reshape(-1, 3)
+            off, by = _log_distances(place, skin.basis, skin.near, slopes=True)
+            mean += float(skin.trust @ (off - skin.spacing)) / len(self._skins)
+            slope[own] += skin.trust @ by / len(self._skins)
+        return mean, slope
 
     def _terms(self, row: np.ndarray, *, slopes: bool) -> Iterator[tuple[float, _Rows | None]]:
         for recording in range(len(self._data.ends)):
             yield self._met(row, recording, slopes=slopes)
-        unit = np.zeros(len(row))
-        mean = 0.0
         for skin in self._skins:
-            off, terms = self._grain(row, skin, slopes=slopes)
-            mean += off[0] / len(self._skins)
-            unit += off[1] / len(self._skins)
-            yield from terms
-        every = np.arange(len(row))
-        stiff = np.array([2 * descent._UNIT])
-        held = _Rows(stiff * mean, stiff, every, unit[None])
-        yield descent._UNIT * mean**2, held if slopes else None
+            yield from self._grain(row, skin, slopes=slopes)
         yield self._small(row, slopes=slopes)
 
     def _met(
@@ -227,8 +240,8 @@ class Cost:
 
     def _grain(
         self, row: np.ndarray, skin: _Skin, *, slopes: bool
-    ) -> tuple[tuple[float, np.ndarray], list[tuple[float, _Rows | None]]]:
-        """Mean logarithm by which a skin is larger than its grain, its slope, and costs."""
+    ) -> Iterator[tuple[float, _Rows | None]]:
+        """How far distances are off the grain, and how near those lie that share no touch."""
         end, basis = skin.end, skin.basis
         begin, size = int(self._data.offset[end]), int(self._data.size[end])
         columns = np.arange(begin, begin + 3 * size)
@@ -240,23 +253,17 @@ class Cost:
         root = np.sqrt(1 + scaled**2)
         cost = float(number * (skin.weight * (root - 1)).sum())
         weight = number * skin.weight / root / descent._SCATTER**2
-        mean = float(skin.trust @ off)
-        by_row = np.zeros(len(row))
-        if slopes:
-            by_row[columns] = skin.trust @ by
-        terms: list[tuple[float, _Rows | None]] = [
-            (cost, _Rows(weight * off, weight, columns, by) if slopes else None)
-        ]
+        yield cost, _Rows(weight * off, weight, columns, by) if slopes else None
         if len(skin.far):
             apart, by = _log_distances(place, basis, skin.far, slopes=slopes)
             lacking = np.maximum(-apart, 0)
             each = descent._TOO_NEAR * number / descent._SCATTER / len(skin.far)
             some = np.flatnonzero(lacking > 0)
-            weight = each / np.maximum(lacking[some], _CORNER)
-            push = np.full(len(some), -each)
-            rows = _Rows(push, weight, columns, by[some]) if slopes else None
-            terms.append((float(each * lacking.sum()), rows))
-        return (mean, by_row), terms
+            own = lacking[some]
+            weight = each / np.maximum(own, _CORNER)
+            rows = _Rows(-weight * own, weight, columns, by[some]) if slopes else None
+            rounded = np.where(own < _CORNER, own**2 / (2 * _CORNER), own - _CORNER / 2)
+            yield float(each * rounded.sum()), rows
 
     def _small(self, row: np.ndarray, *, slopes: bool) -> tuple[float, _Rows | None]:
         """Costs of coefficients and of the points on axes."""
