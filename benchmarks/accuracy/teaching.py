@@ -37,15 +37,17 @@ class Person:
     """Moves one limb after the other by hand, and does what the lesson asks for.
 
     Which joints make a limb is seen: those of one model of the robot. So is where receptors are:
-    of postures drawn at random those are taken that touch them.
+    of postures drawn at random those are taken that touch them, and no second skin.
 
     Args:
         body: the robot; any posture may be asked for.
+        skin: `(S,)` skin of each receptor.
         seed: of what the person draws.
     """
 
-    def __init__(self, body: Body, seed: int):
+    def __init__(self, body: Body, skin: np.ndarray, seed: int):
         self._body, self._random = body, np.random.default_rng(seed)
+        self._of_skin = np.eye(skin.max() + 1, dtype=bool)[skin]
         models = [name.rpartition("::")[0] for name in body.joint_names]
         self._limbs = [
             np.flatnonzero([model == one for model in models]) for one in dict.fromkeys(models)
@@ -58,13 +60,14 @@ class Person:
         step = asked[self._random.integers(len(asked))] if asked else None
         for _ in range(_PATIENCE):
             q, sensation = self._touches(self._limb(step))
-            there = sensation.any(axis=1)
+            touches = ((sensation > 0) @ self._of_skin).sum(axis=1) == 1
+            wanted = touches
             if step is not None:
-                there = sensation[:, list(step.receptors)].any(axis=1)
-            rows = np.flatnonzero(there)[:_TOUCHES]
+                wanted = touches & sensation[:, list(step.receptors)].any(axis=1)
+            rows = np.flatnonzero(wanted)[:_TOUCHES]
             if len(rows) >= _TOUCHES // 2:
                 return q[rows], sensation[rows]
-        rows = np.flatnonzero(sensation.any(axis=1))[:_TOUCHES]
+        rows = np.flatnonzero(touches)[:_TOUCHES]
         return q[rows], sensation[rows]
 
     def _limb(self, step: Step | None) -> np.ndarray:
@@ -90,10 +93,13 @@ class Person:
 
 def taught(name: str, seed: int, most: int, folder: Path, person: bool) -> list[str]:
     """The cells of a row."""
-    body = make_bodies(load_experiment(name, {"seed": seed})).babbling
+    experiment = load_experiment(name, {"seed": seed})
+    body = make_bodies(experiment).babbling
+    sizes = [skin.num_receptors for skin in experiment.skins.values()]
+    skin = np.repeat(np.arange(len(sizes)), sizes)
     lesson = Lesson(
         folder=folder / f"{name}-{seed}",
-        how=columns_of(body.joint_names) | {"offset": 0.0, "threshold": 1e-6},
+        how=columns_of(body.joint_names) | {"offset": 0.0, "threshold": 1e-6, "filtering": "none"},
         most=most,
         limits=np.stack([body.lower, body.upper]),
         seed=seed,
@@ -102,7 +108,7 @@ def taught(name: str, seed: int, most: int, folder: Path, person: bool) -> list[
 
     def stream(stored: bytes) -> Stream:
         if person:
-            teacher = Person(body, seed + len(stored))
+            teacher = Person(body, skin, seed + len(stored))
             return Callback(teacher.read, body.joint_names, bool(stored))
         return MovingBody(body, seed + len(stored), bool(stored))
 

@@ -88,6 +88,8 @@ JUDGED = (
     *("leftArm_rightFinger", "rightArm_leftFinger", "rightArm_head"),
 )
 FOLDS = 5
+# Searches that judge a body.
+_AGAIN = 2
 KINDS = ("unknown", "given", "unknown_without_hands", "given_without_hands")
 
 
@@ -219,10 +221,11 @@ def kept_of(given: argparse.Namespace, kind: str, order: str, fold: int) -> list
 
 
 def tabulate(given: argparse.Namespace) -> None:
-    """A row for each kept body, beside the description and the next one that was kept.
+    """A row for each kept body, beside the description and the next two that were kept.
 
-    Bodies of one kind are in a ring, by seed and fold: each is judged by the next one, which began
-    anew on other postures.
+    Bodies of one kind are in a ring, by seed and fold: each is judged by the next two, which began
+    anew on other postures; one of them must agree. Of one alone a right body is refused wherever
+    that one is wrong.
     """
     rows = []
     for kind in KINDS:
@@ -230,7 +233,7 @@ def tabulate(given: argparse.Namespace) -> None:
         kept = [one for fold in range(FOLDS) for one in kept_of(given, kind, order, fold)]
         kept.sort(key=lambda one: (one.seed, one.fold))
         for at, one in enumerate(kept):
-            again = kept[(at + 1) % len(kept)] if len(kept) > 1 else None
+            again = [kept[(at + step) % len(kept)] for step in range(1, min(_AGAIN, len(kept) - 1) + 1)]
             test = split(given.path, one.fold)[1]
             own = row_of(one, again, test, given.path)
             if order == "given":
@@ -245,8 +248,10 @@ def tabulate(given: argparse.Namespace) -> None:
         print({k: _text(v) for k, v in row.items()})
 
 
-def row_of(one: Kept, again: Kept | None, test: list[Recording], path: Path) -> dict[str, object]:
-    """What one search found, beside the description and another search."""
+def row_of(
+    one: Kept, again: Sequence[Kept], test: list[Recording], path: Path
+) -> dict[str, object]:
+    """What one search found, beside the description and other searches."""
     body, some = one.found.body, one.some
     limbs = body.layout.limbs
     score = scored(body, one.found.row, test, path)
@@ -261,8 +266,9 @@ def row_of(one: Kept, again: Kept | None, test: list[Recording], path: Path) -> 
         "apart_worst_deg": np.nan,
         "accepted": "",
     }
-    if again is not None:
-        verdict = compared(one.found, again.found, gap)
+    if again:
+        verdicts = [compared(one.found, other.found, gap) for other in again]
+        verdict = min(verdicts, key=lambda verdict: (not verdict.accepted, verdict.angles.max()))
         result |= {
             "apart_median_deg": float(np.median(verdict.angles)),
             "apart_worst_deg": float(verdict.angles.max()),

@@ -320,7 +320,9 @@ def _felt_together(sensation: np.ndarray) -> np.ndarray:
     """`(S,)` the same number for receptors that feel the same touches."""
     active = (sensation > 0).astype(float)
     norm = np.maximum(np.linalg.norm(active, axis=0), 1e-12)
-    return connected_components((active / norm).T @ (active / norm) >= _ALIKE)[1]
+    # One touch of two parts at once joins nothing.
+    shared = np.maximum(active.T @ active - 1, 0)
+    return connected_components(shared >= _ALIKE * np.outer(norm, norm))[1]
 
 
 def _parts(sensation: np.ndarray) -> np.ndarray:
