@@ -26,7 +26,6 @@ from selftouch_drake.run.artifacts import load_body_model
 from selftouch_drake.run.streams import Callback, MovingBody, Stream
 from selftouch_drake.run.teaching import Lesson, Look, columns_of, teach_and_learn
 
-
 # Touches of one posture of the limbs that stand still, and postures that are tried for them.
 _TOUCHES, _TRIED = 10, 3000
 # Postures of the other limbs after which a person gives up to touch what was asked for.

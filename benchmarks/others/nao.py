@@ -233,7 +233,8 @@ def tabulate(given: argparse.Namespace) -> None:
         kept = [one for fold in range(FOLDS) for one in kept_of(given, kind, order, fold)]
         kept.sort(key=lambda one: (one.seed, one.fold))
         for at, one in enumerate(kept):
-            again = [kept[(at + step) % len(kept)] for step in range(1, min(_AGAIN, len(kept) - 1) + 1)]
+            number = min(_AGAIN, len(kept) - 1)
+            again = [kept[(at + step) % len(kept)] for step in range(1, number + 1)]
             test = split(given.path, one.fold)[1]
             own = row_of(one, again, test, given.path)
             if order == "given":
@@ -321,7 +322,8 @@ def fit_nominal(given: argparse.Namespace) -> None:
 def predict_unseen(given: argparse.Namespace) -> None:
     """Bodies of six files, finished by least squares, and the two files that they never saw."""
     hands = [recording(given.path, name) for name in HANDS]
-    print("| fold | seed | began | finished | loss | worst axis of arms, of head | " + " | ".join(HANDS))
+    heads = ["fold", "seed", "began", "finished", "loss", "worst axis of arms, of head", *HANDS]
+    print(f"| {' | '.join(heads)} |")
     print("|---|---|---|---|---|---|---|---|")
     for fold in given.folds:
         train, _ = split(given.path, fold, [name for name in FITTED if name not in HANDS])
@@ -330,12 +332,10 @@ def predict_unseen(given: argparse.Namespace) -> None:
             after = finished(problems.whole, some, sigma=SIGMA)
             for said, one in (("no", some), ("yes", after)):
                 score = scored(problems.body, one.rows[0], hands, given.path)
-                cells = " | ".join(f"{score.held_out[name]:.1f}" for name in HANDS)
                 axes = f"{score.worst('left', 'right'):.0f}, {score.worst('head'):.0f}"
-                print(
-                    f"| {fold} | {seed} | {began} | {said} | {one.loss[0]:.2f} | {axes} | {cells} |",
-                    flush=True,
-                )
+                cells = [str(fold), str(seed), began, said, f"{one.loss[0]:.2f}", axes]
+                cells += [f"{score.held_out[name]:.1f}" for name in HANDS]
+                print(f"| {' | '.join(cells)} |", flush=True)
 
 
 def _begun(
@@ -351,9 +351,11 @@ def _begun(
     held = body.free(joints=[])
     some = nominal_bodies(body, 24, np.random.default_rng(0), given.path)
     some = whole.descended(some, steps=300, rate=0.03, sigmas=(3.0, 0.3), free=held).best(8)
-    yield 0, "described", whole.descended(
-        some, steps=600, rate=0.02, sigmas=(0.6, SIGMA), free=held
-    ).best()
+    yield (
+        0,
+        "described",
+        whole.descended(some, steps=600, rate=0.02, sigmas=(0.6, SIGMA), free=held).best(),
+    )
 
 
 def _moved_over(found: Found, body: Body) -> np.ndarray:

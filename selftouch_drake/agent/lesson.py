@@ -20,8 +20,8 @@ from selftouch_drake.quotient.sensations import assign, target_sensations
 # Touches of a target sensation, at least, and the most targets.
 _PER_TARGET, _MOST_TARGETS = 3, 150
 # Receptors whose touches have at least this cosine are of one part; smaller parts of the touches
-# are left to the others; and parts are told from this many touches on, or from fewer that limbs made
-# in turn.
+# are left to the others; and parts are told from this many touches on, or from fewer that limbs
+# made in turn.
 _ALIKE, _PART, _PARTS_FROM, _OF_LIMBS_FROM = 0.2, 0.03, 800, 300
 # A joint was seen if touches cover this share of its range.
 _SEEN = 0.4

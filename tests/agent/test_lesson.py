@@ -96,11 +96,14 @@ def test_of_several_parts_the_least_touched_is_next_by_the_limb_that_can():
     (step,) = next_steps(found)
     assert (step.joints, step.receptors) == ([1], [7, 8])
     assert step.text == (
-        "touch near taxel 7, taxel 8, the part of the skin with the fewest touches (30); move elbow "
-        "alone, and hold the other joints still for ten touches"
+        "touch near taxel 7, taxel 8, the part of the skin with the fewest touches (30); move "
+        "elbow alone, and hold the other joints still for ten touches"
     )
-    (unknown,) = next_steps(replace(found, parts=[replace(parts[0], limb=()), parts[1]], limbs=[]))
-    assert unknown.text.endswith("move one limb at a time, and hold the other joints still for ten touches")
+    by_nobody = [replace(parts[0], limb=()), parts[1]]
+    (unknown,) = next_steps(replace(found, parts=by_nobody, limbs=[]))
+    assert unknown.text.endswith(
+        "; move one limb at a time, and hold the other joints still for ten touches"
+    )
     (of_one,) = next_steps(replace(found, parts=parts[:1]))
     assert of_one.text.startswith("go on")
 

@@ -131,7 +131,7 @@ def find_body_model(
             moved = moved.at(when)
             found = _find_by_limbs(search, touches, sensation, moved, seed)
             if found is None:
-                return none("No part has touches of two limbs, moved one at a time, that tell both.")
+                return none("No part has enough touches of two limbs, each moved alone.")
             return model_of(found)
     found = None
     if few_enough:

@@ -97,24 +97,35 @@ def of_limbs(
         part: `(n,)` part that each touch is on.
         moved: which joints moved.
     """
-    counts = {
-        int(p): [np.flatnonzero((part == p) & (moved.of_touch == s)) for s in range(len(moved.sets))]
-        for p in np.unique(part)
-    }
-    # The part that most limbs touched often.
-    shared = max(counts, key=lambda p: sorted(len(rows) for rows in counts[p])[::-1][1])
-    limbs = []
-    for joints, rows in zip(moved.sets, counts[shared], strict=True):
-        if len(rows) < few.needed_for(len(joints))[1]:
+    felt = {int(p): sensation[part == p].sum(axis=0) > 0 for p in np.unique(part)}
+    # A part that moves has no chain of one limb alone. The trunk's skin is the largest, mostly.
+    for shared in sorted(felt, key=lambda p: -np.count_nonzero(felt[p])):
+        by_limb = _by_limb(part == shared, moved)
+        if len(by_limb) < 2:
             continue
-        alone = replace(search, q=np.ascontiguousarray(search.q[:, rows]))
-        found = few.found_by_sensation(alone, q[rows], sensation[rows], list(joints))
-        search.tick()
-        if found is not None and found.judgement.accepted:
-            limbs.append((found, rows))
-    if len(limbs) < 2:
-        return None
-    return joined(q, sensation, shared, limbs)
+        limbs = []
+        for joints, rows in by_limb.items():
+            alone = replace(search, q=np.ascontiguousarray(search.q[:, rows]))
+            found = few.found_by_sensation(alone, q[rows], sensation[rows], list(joints))
+            search.tick()
+            if found is not None and found.judgement.accepted:
+                limbs.append((found, rows))
+            elif not limbs:
+                break
+        if len(limbs) > 1:
+            return joined(q, sensation, shared, limbs)
+    return None
+
+
+def _by_limb(on_part: np.ndarray, moved: Moved) -> dict[tuple[int, ...], np.ndarray]:
+    """Rows of the touches of each limb that are enough to judge its chain."""
+    rows = {
+        joints: np.flatnonzero(on_part & (moved.of_touch == number))
+        for number, joints in enumerate(moved.sets)
+    }
+    return {
+        joints: own for joints, own in rows.items() if len(own) >= few.needed_for(len(joints))[1]
+    }
 
 
 def joined(

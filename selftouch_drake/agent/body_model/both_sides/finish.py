@@ -175,9 +175,7 @@ class Cost:
             yield from self._grain(row, skin, slopes=slopes)
         yield self._small(row, slopes=slopes)
 
-    def _met(
-        self, row: np.ndarray, recording: int, *, slopes: bool
-    ) -> tuple[float, _Rows | None]:
+    def _met(self, row: np.ndarray, recording: int, *, slopes: bool) -> tuple[float, _Rows | None]:
         """What touched from what was touched."""
         data = self._data
         some = slice(data.begin[recording], data.begin[recording + 1])
@@ -219,9 +217,7 @@ class Cost:
             along = v @ n
             crossed = _cross_matrix(n)
             turn = (
-                np.eye(3)
-                + sin[:, None, None] * crossed
-                + rest[:, None, None] * (crossed @ crossed)
+                np.eye(3) + sin[:, None, None] * crossed + rest[:, None, None] * (crossed @ crossed)
             )
             point = centre + np.einsum("nab,nb->na", turn, v)
             if not slopes:
@@ -277,7 +273,9 @@ class Cost:
         columns = np.flatnonzero(weight)
         own, value = weight[columns], row[columns]
         cost = float((own * value**2).sum())
-        return cost, _Rows(2 * own * value, 2 * own, columns, np.eye(len(columns))) if slopes else None
+        return cost, _Rows(
+            2 * own * value, 2 * own, columns, np.eye(len(columns))
+        ) if slopes else None
 
 
 def _log_distances(
