@@ -36,21 +36,23 @@ class Person:
     """Moves one limb after the other by hand, and does what the lesson asks for.
 
     Which joints make a limb is seen: those of one model of the robot. So is where receptors are:
-    of postures drawn at random those are taken that touch them, and no second skin.
+    of postures drawn at random those are taken that touch them, and no second skin. A limb is
+    touched by moving another one, unless the lesson says which.
 
     Args:
         body: the robot; any posture may be asked for.
-        skin: `(S,)` skin of each receptor.
+        skins: model that carries each skin, and its number of receptors.
         seed: of what the person draws.
     """
 
-    def __init__(self, body: Body, skin: np.ndarray, seed: int):
+    def __init__(self, body: Body, skins: Sequence[tuple[str, int]], seed: int):
         self._body, self._random = body, np.random.default_rng(seed)
-        self._of_skin = np.eye(skin.max() + 1, dtype=bool)[skin]
+        skin = np.repeat(np.arange(len(skins)), [number for _, number in skins])
+        self._of_skin = np.eye(len(skins), dtype=bool)[skin]
         models = [name.rpartition("::")[0] for name in body.joint_names]
-        self._limbs = [
-            np.flatnonzero([model == one for model in models]) for one in dict.fromkeys(models)
-        ]
+        limbs = {model: np.flatnonzero([model == one for one in models]) for model in models}
+        self._limbs = list(limbs.values())
+        self._carries = np.array([[model == own for own, _ in skins] for model in limbs])[:, skin]
         self._turn = 0
 
     def read(self, steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
@@ -73,8 +75,12 @@ class Person:
         """Joints that move: the limb of those that were asked for, or the next one."""
         if step is not None and len(step.joints):
             return max(self._limbs, key=lambda limb: len(np.intersect1d(limb, step.joints)))
+        limbs = self._limbs
+        if step is not None:
+            carries = self._carries[:, list(step.receptors)].all(axis=1)
+            limbs = [limb for limb, own in zip(limbs, carries, strict=True) if not own] or limbs
         self._turn += 1
-        return self._limbs[self._turn % len(self._limbs)]
+        return limbs[self._turn % len(limbs)]
 
     def _touches(self, limb: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Postures of a limb at random, the others in one posture in which nothing touches."""
@@ -94,8 +100,9 @@ def taught(name: str, seed: int, most: int, folder: Path, person: bool) -> list[
     """The cells of a row."""
     experiment = load_experiment(name, {"seed": seed})
     body = make_bodies(experiment).babbling
-    sizes = [skin.num_receptors for skin in experiment.skins.values()]
-    skin = np.repeat(np.arange(len(sizes)), sizes)
+    skins = [
+        (skin.link.rpartition("::")[0], skin.num_receptors) for skin in experiment.skins.values()
+    ]
     lesson = Lesson(
         folder=folder / f"{name}-{seed}",
         how=columns_of(body.joint_names) | {"offset": 0.0, "threshold": 1e-6, "filtering": "none"},
@@ -107,7 +114,7 @@ def taught(name: str, seed: int, most: int, folder: Path, person: bool) -> list[
 
     def stream(stored: bytes) -> Stream:
         if person:
-            teacher = Person(body, skin, seed + len(stored))
+            teacher = Person(body, skins, seed + len(stored))
             return Callback(teacher.read, body.joint_names, bool(stored))
         return MovingBody(body, seed + len(stored), bool(stored))
 

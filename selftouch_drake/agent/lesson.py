@@ -66,7 +66,7 @@ class PartKnown:
 
     Attributes:
         receptors: numbers of those that were felt, the least felt first.
-        num_touches: on them.
+        num_touches: on them; by `limb`, if there is one.
         limb: of the joints that touched there while others stood still, those that did least
             often; nothing if none did.
     """
@@ -306,12 +306,13 @@ def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:
         own = np.flatnonzero((label == part) & (felt > 0))
         touched = of_touch == part
         limb: Sequence[int] = ()
+        number = np.count_nonzero(touched)
         by = [np.count_nonzero(touched & (moved.of_touch == n)) for n in range(len(moved.sets))]
         able = [n for n, count in enumerate(by) if count >= _ON_PURPOSE]
         if able:
-            limb = moved.sets[min(able, key=lambda n: by[n])]
+            least = min(able, key=lambda n: by[n])
+            limb, number = moved.sets[least], by[least]
         rare_first = own[np.argsort(felt[own], kind="stable")].tolist()
-        number = np.count_nonzero(touched)
         parts.append(PartKnown(receptors=rare_first, num_touches=number, limb=limb))
     return sorted(parts, key=lambda one: one.num_touches)
 

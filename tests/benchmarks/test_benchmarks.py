@@ -83,7 +83,7 @@ SMALL: dict[str, list[str]] = {
         "--targets=60",
         "--metrics=sensorimotor",
     ],
-    "accuracy/teaching": ["torus", "--seeds=1", "--touches=60"],
+    "accuracy/teaching": ["two_arms", "--person", "--seeds=1", "--touches=60"],
     "accuracy/trust": [
         "luck",
         "--out={tmp}",

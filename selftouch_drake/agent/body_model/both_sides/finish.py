@@ -298,7 +298,8 @@ def _summed(columns: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndar
     if len(own) == len(columns):
         return columns, slope
     total = np.zeros((*slope.shape[:2], len(own)))
-    np.add.at(total, (slice(None), slice(None), where), slope)
+    for one, column in enumerate(where.ravel().tolist()):
+        total[:, :, column] += slope[:, :, one]
     return own, total
 
 
