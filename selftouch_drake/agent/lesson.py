@@ -33,8 +33,9 @@ _FELT, _ENOUGH_FELT = 3, 0.9
 _KNOWN_DEG = 3.0
 # Joints and receptors that one step names.
 _NAMED = 5
-# With so many touches a limb touched a part on purpose.
-_ON_PURPOSE = 4
+# A limb touched a part on purpose if it made so many of its touches, and this share of what each
+# limb would make if all made as many: a forearm that moves against another hand does so by chance.
+_ON_PURPOSE, _SHARE = 4, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,7 +309,8 @@ def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:
         limb: Sequence[int] = ()
         number = np.count_nonzero(touched)
         by = [np.count_nonzero(touched & (moved.of_touch == n)) for n in range(len(moved.sets))]
-        able = [n for n, count in enumerate(by) if count >= _ON_PURPOSE]
+        needed = max(_ON_PURPOSE, _SHARE * number / max(len(by), 1))
+        able = [n for n, count in enumerate(by) if count >= needed]
         if able:
             least = min(able, key=lambda n: by[n])
             limb, number = moved.sets[least], by[least]

@@ -108,21 +108,23 @@ def test_of_several_parts_the_least_touched_is_next_by_the_limb_that_can():
     assert of_one.text.startswith("go on")
 
 
-def test_parts_and_who_touched_them_are_told_from_touches():
-    random = np.random.default_rng(0)
-    q = random.uniform(-1, 1, (120, 4))
-    by_first = np.repeat(np.arange(12) % 3 < 2, 10)  # in blocks of ten
+@pytest.mark.parametrize(("by_first", "least"), [(10, [2, 3]), (20, [0, 1])])
+def test_parts_and_who_touched_them_are_told_from_touches(by_first, least):
+    q = np.random.default_rng(0).uniform(-1, 1, (120, 4))
+    first_moves = np.repeat(np.arange(12) % 3 < 2, 10)  # in blocks of ten
     for block in range(12):
-        standing = [2, 3] if by_first[10 * block] else [0, 1]
+        standing = [2, 3] if first_moves[10 * block] else [0, 1]
         q[10 * block : 10 * block + 10, standing] = q[10 * block, standing]
     sensation = np.zeros((120, 6))
-    on_first = by_first & (np.arange(120) < 100)
+    # The second part is touched by the second limb, and by the first one in few touches.
+    on_first = first_moves.copy()
+    on_first[np.flatnonzero(first_moves)[:by_first]] = False
     sensation[on_first, :2] = 1.0
     sensation[~on_first, 2:5] = 1.0
     found = known(q, sensation, list("abcd"), list("uvwxyz"), np.array([[-1] * 4, [1] * 4]), None)
     assert [list(limb) for limb in found.limbs] == [[0, 1], [2, 3]]
-    small, large = found.parts
-    assert (small.num_touches, sorted(small.receptors)) == (10, [2, 3, 4])
-    assert list(small.limb) == [0, 1]  # did so least often: 10 of 50
-    assert large.num_touches == 70
-    assert list(large.limb) == [0, 1]
+    rare, often = found.parts
+    assert sorted(rare.receptors) == [2, 3, 4]
+    assert list(rare.limb) == least
+    assert rare.num_touches == (40 if least == [2, 3] else by_first)
+    assert (list(often.limb), often.num_touches) == ([0, 1], 80 - by_first)

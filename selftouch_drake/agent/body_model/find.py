@@ -52,6 +52,8 @@ _MOST_TOUCHERS = 4
 _SWAPS = 0.02
 # Chains that began apart and whose criteria differ by less agree.
 _SAME = 0.1
+# Searches for limbs that moved one at a time, while parts are left over: one of two may be wrong.
+_ANEW = 2
 # Above this share of inliers one limb made all touches.
 _ONE_LIMB = 0.9
 # A flat chain is taken unless it explains less than the same chain in space, by this share.
@@ -290,12 +292,19 @@ def _find_by_limbs(
 ) -> Found | None:
     """The body of few touches that were made with one limb at a time."""
     felt = csr_array(sensation)[touches.rows]
-    first = of_limbs(search, touches.q, felt, touches.part[touches.target], moved)
-    if first is None:
-        return None
+    part = touches.part[touches.target]
     purpose = held_out(touches.q, search.random)
-    body = grow.full(first, search, touches.scene({}), purpose > 0, touches.moving)
-    return _finished_tree(search, touches, body, purpose, seed)
+    best = None
+    for _ in range(_ANEW):
+        first = of_limbs(search, touches.q, felt, part, moved)
+        if first is None:
+            continue
+        body = grow.full(first, search, touches.scene({}), purpose > 0, touches.moving)
+        if best is None or len(body.links.part) > len(best.links.part):
+            best = body
+        if len(best.links.part) == len(np.unique(part)):
+            break
+    return None if best is None else _finished_tree(search, touches, best, purpose, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
