@@ -307,8 +307,10 @@ def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:
         own = np.flatnonzero((label == part) & (felt > 0))
         touched = of_touch == part
         limb: Sequence[int] = ()
-        number = np.count_nonzero(touched)
-        by = [np.count_nonzero(touched & (moved.of_touch == n)) for n in range(len(moved.sets))]
+        number = int(np.count_nonzero(touched))
+        by = [
+            int(np.count_nonzero(touched & (moved.of_touch == n))) for n in range(len(moved.sets))
+        ]
         needed = max(_ON_PURPOSE, _SHARE * number / max(len(by), 1))
         able = [n for n, count in enumerate(by) if count >= needed]
         if able:
