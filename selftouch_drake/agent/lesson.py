@@ -14,13 +14,15 @@ from scipy.sparse.csgraph import connected_components
 from selftouch_drake.agent.body_model import few
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind
+from selftouch_drake.agent.body_model.one_limb import Moved, moved_together
 from selftouch_drake.quotient.sensations import assign, target_sensations
 
 # Touches of a target sensation, at least, and the most targets.
 _PER_TARGET, _MOST_TARGETS = 3, 150
 # Receptors whose touches have at least this cosine are of one part; smaller parts of the touches
-# are left to the others; and parts are told from this many touches on.
-_ALIKE, _PART, _PARTS_FROM = 0.2, 0.03, 800
+# are left to the others; and parts are told from this many touches on, or from fewer that limbs
+# made in turn.
+_ALIKE, _PART, _PARTS_FROM, _OF_LIMBS_FROM = 0.2, 0.03, 800, 300
 # A joint was seen if touches cover this share of its range.
 _SEEN = 0.4
 # Fewer touches make no representation, though a body may be known.
@@ -31,6 +33,9 @@ _FELT, _ENOUGH_FELT = 3, 0.9
 _KNOWN_DEG = 3.0
 # Joints and receptors that one step names.
 _NAMED = 5
+# A limb touched a part on purpose if it made so many of its touches, and this share of what each
+# limb would make if all made as many: a forearm that moves against another hand does so by chance.
+_ON_PURPOSE, _SHARE = 4, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +61,22 @@ class JointKnown:
         return self.kind != "unknown" and not self.error_deg > _KNOWN_DEG
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartKnown:
+    """What is known of receptors that feel the same touches.
+
+    Attributes:
+        receptors: numbers of those that were felt, the least felt first.
+        num_touches: on them; by `limb`, if there is one.
+        limb: of the joints that touched there while others stood still, those that did least
+            often; nothing if none did.
+    """
+
+    receptors: Sequence[int]
+    num_touches: int
+    limb: Sequence[int] = ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Known:
     """What is known of a body.
@@ -63,6 +84,8 @@ class Known:
     Attributes:
         num_touches: so far.
         joints: one for each.
+        parts: of the skin that was felt, the least touched first.
+        limbs: sets of joints that moved while others stood still.
         felt: `(S,)` touches that each receptor felt.
         names: S of them.
         accepted: whether touches that were left out agree with a body model.
@@ -73,6 +96,8 @@ class Known:
     joints: Sequence[JointKnown]
     felt: np.ndarray
     names: Sequence[str]
+    parts: Sequence[PartKnown] = ()
+    limbs: Sequence[Sequence[int]] = ()
     accepted: bool
     reason: str
 
@@ -137,7 +162,8 @@ def ask(
             each=each,  # type: ignore[arg-type]
         )
 
-    if len(q) >= _PARTS_FROM:
+    several = len(moved_together(q).sets) > 1
+    if len(q) >= (_OF_LIMBS_FROM if several else _PARTS_FROM):
         parts = _parts(readings)[targets.argmax(axis=1)]
         if parts.any():
             return find(parts)
@@ -169,11 +195,14 @@ def known(
         for n, name in enumerate(joint_names)
     ]
     reason = "too few touches to look for a body" if model is None else model.reason
+    moved = moved_together(q) if len(q) else Moved([], np.zeros(0, dtype=int))
     return Known(
         num_touches=len(q),
         joints=joints,
         felt=np.count_nonzero(sensation > 0, axis=0),
         names=receptor_names,
+        parts=_parts_known(sensation, moved),
+        limbs=moved.sets,
         accepted=model is not None and model.accepted,
         reason=reason,
     )
@@ -184,7 +213,12 @@ def next_steps(found: Known) -> list[Step]:
     if found.is_enough:
         return []
     if found.num_touches == 0:
-        return [Step(text="touch the skin anywhere, gently, and hold still for a moment")]
+        return [
+            Step(
+                text="touch the skin anywhere, gently, and hold still for a moment; of several "
+                "limbs move one at a time, for ten touches or more"
+            )
+        ]
     steps = []
     still = [n for n, joint in enumerate(found.joints) if joint.seen < _SEEN]
     if still:
@@ -217,9 +251,26 @@ def next_steps(found: Known) -> list[Step]:
                 receptors=rare[:_NAMED].tolist(),
             )
         )
+    if not found.accepted:
+        steps += _of_rarest_part(found)
     if not steps:
         steps.append(Step(text="go on: touch all over, each place with several postures"))
     return steps
+
+
+def _of_rarest_part(found: Known) -> list[Step]:
+    """Of several parts, the one with the fewest touches, and which joints to move alone."""
+    if len(found.parts) < 2:
+        return []
+    part = found.parts[0]
+    said = ", ".join(found.names[n] for n in part.receptors[:_NAMED])
+    text = f"touch near {said}, the part of the skin with the fewest touches ({part.num_touches})"
+    if part.limb:
+        moving = ", ".join(found.joints[n].name for n in part.limb)
+        text += f"; move {moving} alone, and hold the other joints still for ten touches"
+    elif len(found.limbs) < 2:
+        text += "; move one limb at a time, and hold the other joints still for ten touches"
+    return [Step(text=text, joints=part.limb, receptors=part.receptors)]
 
 
 def _of_model(model: BodyModel | None, joint: int) -> dict:
@@ -244,11 +295,44 @@ def _of_model(model: BodyModel | None, joint: int) -> dict:
     return {"kind": said, "error_deg": float(np.degrees(across / size))}
 
 
-def _parts(sensation: np.ndarray) -> np.ndarray:
-    """`(S,)` the part of each receptor, 0 the largest: receptors that feel the same touches."""
+def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:
+    """Parts of the receptors that were felt, the least touched first."""
+    if not len(sensation):
+        return []
+    felt = np.count_nonzero(sensation > 0, axis=0)
+    label = _felt_together(sensation)
+    of_touch = label[sensation.argmax(axis=1)]
+    parts = []
+    for part in np.unique(of_touch):
+        own = np.flatnonzero((label == part) & (felt > 0))
+        touched = of_touch == part
+        limb: Sequence[int] = ()
+        number = int(np.count_nonzero(touched))
+        by = [
+            int(np.count_nonzero(touched & (moved.of_touch == n))) for n in range(len(moved.sets))
+        ]
+        needed = max(_ON_PURPOSE, _SHARE * number / max(len(by), 1))
+        able = [n for n, count in enumerate(by) if count >= needed]
+        if able:
+            least = min(able, key=lambda n: by[n])
+            limb, number = moved.sets[least], by[least]
+        rare_first = own[np.argsort(felt[own], kind="stable")].tolist()
+        parts.append(PartKnown(receptors=rare_first, num_touches=number, limb=limb))
+    return sorted(parts, key=lambda one: one.num_touches)
+
+
+def _felt_together(sensation: np.ndarray) -> np.ndarray:
+    """`(S,)` the same number for receptors that feel the same touches."""
     active = (sensation > 0).astype(float)
     norm = np.maximum(np.linalg.norm(active, axis=0), 1e-12)
-    _, label = connected_components((active / norm).T @ (active / norm) >= _ALIKE)
+    # One touch of two parts at once joins nothing.
+    shared = np.maximum(active.T @ active - 1, 0)
+    return connected_components(shared >= _ALIKE * np.outer(norm, norm))[1]
+
+
+def _parts(sensation: np.ndarray) -> np.ndarray:
+    """`(S,)` the part of each receptor, 0 the largest: receptors that feel the same touches."""
+    label = _felt_together(sensation)
     weight = np.bincount(label[sensation.argmax(axis=1)], minlength=label.max() + 1)
     order = np.argsort(-weight, kind="stable")
     number = np.zeros(len(order), dtype=int)

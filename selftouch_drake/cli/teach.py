@@ -45,6 +45,12 @@ _EVERY_S = 2.0
 @click.option("--time", metavar="COLUMN", help="Times, likewise.")
 @click.option("--offset", type=float, help="Reading of a receptor at rest, likewise.")
 @click.option("--threshold", type=float, help="Smallest reading that counts, likewise.")
+@click.option(
+    "--filter",
+    "filtering",
+    type=click.Choice(["none", "median"]),
+    help="Against spikes, likewise; none if the skin has none: the first touches look like them.",
+)
 def teach(
     source: str,
     out: Path | None,
@@ -62,7 +68,8 @@ def teach(
 
     Terminal and page say what is known and what to do next: which joints to move, and which
     receptors to touch. Take your time, touch gently, and touch the same places with several
-    postures. Rest in between, so that most receptors rest in most rows.
+    postures. Rest in between, so that most receptors rest in most rows. Of several limbs move one
+    at a time, and hold the others still for ten touches: that tells which one touched.
 
     All lines are stored as they come. A stream that stops, lags or begins again loses nothing: give
     the same command again. When it is enough (touches that were left out agree with a body, every

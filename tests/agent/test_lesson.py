@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lesson import JointKnown, Known, known, next_steps
+from selftouch_drake.agent.lesson import JointKnown, Known, PartKnown, known, next_steps
 
 
 def joint(name, **changed):
@@ -85,3 +85,46 @@ def test_what_touches_covered_is_seen_beside_the_reach_of_a_joint():
     assert (found.accepted, found.num_touches) == (False, 2)
     assert found.reason == "too few touches to look for a body"
     assert found.share_felt == 0.0
+
+
+def test_of_several_parts_the_least_touched_is_next_by_the_limb_that_can():
+    parts = [
+        PartKnown(receptors=[7, 8], num_touches=30, limb=[1]),
+        PartKnown(receptors=[0, 1, 2], num_touches=90, limb=[0]),
+    ]
+    found = replace(ENOUGH, accepted=False, parts=parts, limbs=[[0], [1]])
+    (step,) = next_steps(found)
+    assert (step.joints, step.receptors) == ([1], [7, 8])
+    assert step.text == (
+        "touch near taxel 7, taxel 8, the part of the skin with the fewest touches (30); move "
+        "elbow alone, and hold the other joints still for ten touches"
+    )
+    by_nobody = [replace(parts[0], limb=()), parts[1]]
+    (unknown,) = next_steps(replace(found, parts=by_nobody, limbs=[]))
+    assert unknown.text.endswith(
+        "; move one limb at a time, and hold the other joints still for ten touches"
+    )
+    (of_one,) = next_steps(replace(found, parts=parts[:1]))
+    assert of_one.text.startswith("go on")
+
+
+@pytest.mark.parametrize(("by_first", "least"), [(10, [2, 3]), (20, [0, 1])])
+def test_parts_and_who_touched_them_are_told_from_touches(by_first, least):
+    q = np.random.default_rng(0).uniform(-1, 1, (120, 4))
+    first_moves = np.repeat(np.arange(12) % 3 < 2, 10)  # in blocks of ten
+    for block in range(12):
+        standing = [2, 3] if first_moves[10 * block] else [0, 1]
+        q[10 * block : 10 * block + 10, standing] = q[10 * block, standing]
+    sensation = np.zeros((120, 6))
+    # The second part is touched by the second limb, and by the first one in few touches.
+    on_first = first_moves.copy()
+    on_first[np.flatnonzero(first_moves)[:by_first]] = False
+    sensation[on_first, :2] = 1.0
+    sensation[~on_first, 2:5] = 1.0
+    found = known(q, sensation, list("abcd"), list("uvwxyz"), np.array([[-1] * 4, [1] * 4]), None)
+    assert [list(limb) for limb in found.limbs] == [[0, 1], [2, 3]]
+    rare, often = found.parts
+    assert sorted(rare.receptors) == [2, 3, 4]
+    assert list(rare.limb) == least
+    assert rare.num_touches == (40 if least == [2, 3] else by_first)
+    assert (list(often.limb), often.num_touches) == ([0, 1], 80 - by_first)

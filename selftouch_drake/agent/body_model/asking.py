@@ -51,6 +51,7 @@ def ask_for_model(
             representation.part,
             joint_names=names,
             double=pressing_two(representation),
+            sequence=representation.kernel_row,
             seed=seed,
             progress=progress,
             each=each,

@@ -127,6 +127,12 @@ def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
     return kmeans2(np.sqrt(sensed.share), number, minit="++", seed=seed, missing="warn")[1]
 
 
+def needed_for(num_joints: int) -> tuple[int, int]:
+    """Parameters of a chain, and touches that its judgement needs."""
+    parameters = _OF_JOINT * num_joints + 3 - _OF_SIMILARITY
+    return parameters, TOUCHES_PER_PARAMETER * parameters
+
+
 def left_out_in_turn(
     q: np.ndarray, sensed: Sensed, labels: np.ndarray, chain: SmoothChain
 ) -> Judgement:
@@ -141,8 +147,7 @@ def left_out_in_turn(
         labels: `(n,)` neighbourhoods.
         chain: of all touches.
     """
-    parameters = _OF_JOINT * len(chain.twists) + 3 - _OF_SIMILARITY
-    needed = TOUCHES_PER_PARAMETER * parameters
+    parameters, needed = needed_for(len(chain.twists))
     if len(q) < needed:
         return unproven(
             f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)", 0

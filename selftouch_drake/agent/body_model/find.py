@@ -23,6 +23,7 @@ from selftouch_drake.agent.body_model.judge import (
     judged,
 )
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind, rejected
+from selftouch_drake.agent.body_model.one_limb import Moved, moved_together, of_limbs
 from selftouch_drake.agent.body_model.planes import in_a_plane
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import (
@@ -57,6 +58,8 @@ _SAME = 0.1
 # of twelve searches in a recording of seven joints three had ended so, before the right chain. A
 # search is made so often at most if it finds nothing else.
 _MOSTLY, _SEARCHES = 0.5, 2
+# Searches for limbs that moved one at a time, while parts are left over: one of two may be wrong.
+_ANEW = 2
 # Above this share of inliers one limb made all touches.
 _ONE_LIMB = 0.9
 # A flat chain is taken unless it explains less than the same chain in space, by this share.
@@ -79,6 +82,7 @@ def find_body_model(
     *,
     joint_names: Sequence[str],
     double: np.ndarray | None = None,
+    sequence: np.ndarray | None = None,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
     each: Each = map,
@@ -92,6 +96,7 @@ def find_body_model(
         part: `(K,)` part of each target sensation.
         joint_names: `(J,)` carried along.
         double: `(R,)` bool, touches that press two parts: the fit leaves them out.
+        sequence: `(R,)` numbers that rise from touch to touch; their order by default.
         seed: of all randomness.
         progress: called with the fraction done, 0 to 1, and what is done.
         each: maps a function over items, in threads for instance; the model does not depend on it.
@@ -111,6 +116,12 @@ def find_body_model(
             seed=seed,
         )
 
+    def model_of(found: Found) -> BodyModel:
+        tick.say(0.97, "skin")
+        model = assembled(found, joint_names=joint_names, num_rows=len(q), sensation=sensation)
+        tick.say(1.0, "judged")
+        return model
+
     number = len(touches.rows)
     few_enough = sensation is not None and number <= few.MOST and len(set(part[target])) == 1
     least = few.FEWEST if few_enough else structure.FEWEST
@@ -121,6 +132,15 @@ def find_body_model(
         )
     tick = _Ticks(progress)
     search = Search(touches.single(), np.random.default_rng(seed), each, tick)
+    if sensation is not None and number <= few.MOST:
+        when = touches.when(sequence)
+        moved = moved_together(touches.q[when])
+        if len(moved.sets) > 1:
+            moved = moved.at(when)
+            found = _find_by_limbs(search, touches, sensation, moved, seed)
+            if found is None:
+                return none("No part has enough touches of two limbs, each moved alone.")
+            return model_of(found)
     found = None
     if few_enough:
         found = _find_by_sensation(search, touches, sensation, seed)
@@ -128,10 +148,7 @@ def find_body_model(
         found = _find(search, touches, seed)
     if found is None:
         return none("No chain of joints explains the touches.")
-    tick.say(0.97, "skin")
-    model = assembled(found, joint_names=joint_names, num_rows=len(q), sensation=sensation)
-    tick.say(1.0, "judged")
-    return model
+    return model_of(found)
 
 
 class _Ticks:
@@ -188,6 +205,12 @@ class StandardTouches:
             )
         standard, center, scale, moving = StandardReadings.of(q)
         return StandardTouches(standard, target, np.asarray(part), rows, center, scale, moving)
+
+    def when(self, sequence: np.ndarray | None) -> np.ndarray:
+        """`(n,)` its touches, one after the other."""
+        if sequence is None:
+            return np.arange(len(self.rows))
+        return np.argsort(np.asarray(sequence)[self.rows], kind="stable")
 
     def single(self) -> np.ndarray:
         """`(J, n)` float32 readings, as a search wants them."""
@@ -268,6 +291,26 @@ def _find_by_sensation(
         order_group=order_groups(chain.order, chain.swaps, len(touches.center)),
         judgements={part: chain.judgement}, seed=seed, spread=chain.spread,
     )  # fmt: skip
+
+
+def _find_by_limbs(
+    search: Search, touches: StandardTouches, sensation: csr_array, moved: Moved, seed: int
+) -> Found | None:
+    """The body of few touches that were made with one limb at a time."""
+    felt = csr_array(sensation)[touches.rows]
+    part = touches.part[touches.target]
+    purpose = held_out(touches.q, search.random)
+    best = None
+    for _ in range(_ANEW):
+        first = of_limbs(search, touches.q, felt, part, moved)
+        if first is None:
+            continue
+        body = grow.full(first, search, touches.scene({}), purpose > 0, touches.moving)
+        if best is None or len(body.links.part) > len(best.links.part):
+            best = body
+        if len(best.links.part) == len(np.unique(part)):
+            break
+    return None if best is None else _finished_tree(search, touches, best, purpose, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

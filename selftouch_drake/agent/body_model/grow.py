@@ -81,6 +81,14 @@ def grown(
     return best
 
 
+def full(
+    body: Mechanism, search: Search, scene: Scene, tested: np.ndarray, moving: list[int]
+) -> Mechanism:
+    """A body with all parts that can be added to it; arguments are those of `grown`."""
+    grower = _Grower(search, scene, tested, moving)
+    return grower.full(grower.bundled(body))
+
+
 class _Grower:
     """What is known of the parts while a tree grows."""
 

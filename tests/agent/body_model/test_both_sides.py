@@ -7,6 +7,7 @@ import pytest
 from two_sided import LAYOUT, LEFT, RIGHT, arm_places, axes, recordings, trunk_places
 
 from selftouch_drake.agent.body_model.both_sides.descent import losses
+from selftouch_drake.agent.body_model.both_sides.finish import Cost, finished
 from selftouch_drake.agent.body_model.both_sides.grain import learned_skin
 from selftouch_drake.agent.body_model.both_sides.judgement import (
     Found,
@@ -98,6 +99,29 @@ def test_slopes_are_those_of_the_loss(problems):
         slope = (loss(up) - loss(down)) / (up[0, at] - down[0, at])
         assert slopes[0, at] == pytest.approx(slope, abs=2e-3, rel=2e-2)
     assert np.abs(slopes).max() > 0.05
+
+
+def test_the_finish_has_the_slopes_of_its_cost(problems, one):
+    cost = Cost(problems.whole, one.orders[0], SIGMA)
+    random = np.random.default_rng(0)
+    row = one.rows[0].astype(float)
+    row = cost.normed(row + 1e-2 * random.normal(size=len(row)))
+    _, gradient, _ = cost.expanded(row)
+    for _ in range(3):
+        way = random.normal(size=len(row))
+        more, less = (cost.value(cost.normed(row + side * way)) for side in (1e-6, -1e-6))
+        slope = (more - less) / 2e-6
+        assert gradient @ way == pytest.approx(slope, rel=1e-3)
+
+
+def test_the_finish_goes_down_from_a_body_that_was_moved(problems, body, one):
+    random = np.random.default_rng(0)
+    moved = one.rows + (0.1 * random.normal(size=one.rows.shape)).astype(np.float32)
+    before = problems.whole.evaluated(moved, one.orders, SIGMA)
+    after = finished(problems.whole, before, sigma=SIGMA)
+    assert after.loss[0] < before.loss[0] - 1
+    assert after.loss[0] < one.loss[0] + 0.2
+    assert axes_apart((body, after.rows[0]), (body, true_row(body))).max() < 8
 
 
 def test_grain_is_the_distance_of_receptors_in_one_unit_for_all_skins(body):
