@@ -5,12 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.growth import Growth
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody
 from selftouch_drake.evaluation.coverage import touch_density
-from selftouch_drake.agent.body_model.growth import Growth
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.evaluation.parts import TouchCounts
 from selftouch_drake.evaluation.shape import KernelTruth, kernel_truth

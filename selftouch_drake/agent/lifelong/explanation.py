@@ -37,10 +37,14 @@ ENOUGH = 1.1
 _BETTER = 0.3
 
 #: Usual touches that say how exactly sensations foretell places, and most touches since a change by
-#: which a chain explains it: what a chain leaves out, such as how the skin gives way, is little, but
-#: with more touches it earns numbers of its own. Of 1000 touches of a cube whose skin slipped it was
-#: stretched by 0.992, too.
+#: which a chain explains it. What a chain leaves out, such as how the skin gives way, is little,
+#: but with more touches it earns numbers of its own: of 1000 touches of a cube whose skin slipped
+#: it was stretched by 0.992, too.
 _USUAL, _SINCE = 400, 300
+
+#: One in so many touches, the first ones, may still be of the body as it was: an alarm tells only
+#: roughly when the body changed. On a cube up to 11 of 61 were.
+_EARLY = 4
 
 #: A chain alone explains a change if it leaves touches off by this multiple of what is usual, in
 #: squares. Right ones left 0.8 to 1.1 after 50 touches of a cube.
@@ -150,7 +154,7 @@ def guess_change(
     Surprise says little of few touches; by how far they are misplaced, some thirty are enough.
     """
     unchanged = _unchanged(expectation, before, since)
-    found = _by_chain(known, usual, unchanged, since)
+    found = _by_chain(known, usual, unchanged, since[len(since) // _EARLY :])
     if unchanged.new.receptors.any() or found.chain is None or found.chain.left > _LEFT:
         return None
     return replace(found, left=found.chain.left)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hand_made_chains import ArmOnBall
 
-from selftouch_drake.agent.body_model.growth import Growth, GrowingModel, axis_errors
+from selftouch_drake.agent.body_model.growth import GrowingModel, Growth, axis_errors
 
 NAN = float("nan")
 
