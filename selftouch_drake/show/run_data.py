@@ -172,7 +172,10 @@ class RunData:
         """How the model of its body grew in the life of the agent."""
         arrays = self._life_arrays
         if Growth.prefix + "touches" not in arrays:
-            raise MissingError("in its life the agent did not ask for a body model")
+            raise MissingError(
+                "the life of the agent has no body model: set representation.body_model to auto, "
+                f"and run `selftouch live {self.run.path}`"
+            )
         return Growth.from_arrays(arrays)
 
     @cached_property
