@@ -11,7 +11,8 @@ For each seed an experiment is babbled (or taken from --runs), its joints are sh
 is found from the first touches of the walk. Printed are, in % of the skin's extent after one
 similarity, over the touches that were not used: the error of places against the true contact, and
 against the true centre of the toucher; whether the order of joints is right, whether the body was
-accepted, and the seconds of processor time.
+accepted, and the seconds of processor time. Each is a row of `build/few_touches.csv`, too;
+`--table` gives that another name.
 
 Way `chosen` explores the experiment's body, from the seed, as `strategy: active` does, and is
 scored on the walk's touches. Further columns are the error of the skin, that is of the places that
@@ -20,6 +21,7 @@ way that the joints went, in thousands of steps of the random walk.
 """
 
 import argparse
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -42,6 +44,10 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.quotient.sensations import assign, target_sensations
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import make_world
+
+sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
+
+from benchmarks.shared.results import results
 
 #: What can be wrong with the skin, by an amount.
 SKIN = {
@@ -86,6 +92,7 @@ class Row(NamedTuple):
     went: float
     right: bool
     accepted: bool
+    near: float
     seconds: float
 
 
@@ -235,7 +242,7 @@ def look(
         sep="  ",
         flush=True,
     )
-    return Row(contact, tip, skin, went, right == "yes", model.accepted, seconds)
+    return Row(contact, tip, skin, went, right == "yes", model.accepted, model.held_out[0], seconds)
 
 
 def main() -> None:
@@ -248,6 +255,7 @@ def main() -> None:
     parser.add_argument("--stored", type=int, default=12_000, help="touches that are babbled")
     parser.add_argument("--runs", type=Path, default=Path("runs/few_touches"))
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--table", default="few_touches", help="name of the table of all rows")
     parser.add_argument("--ways", nargs="+", choices=("walk", "chosen"), default=["walk"])
     parser.add_argument("--labels", action="store_true", help="by labels alone")
     kinds = "; ".join(f"{kind}: {what}" for kind, what in CORRUPTIONS.items())
@@ -255,28 +263,37 @@ def main() -> None:
     of_skin = "; ".join(f"{kind}: {what}" for kind, what in SKIN.items())
     parser.add_argument("--skin", nargs=2, metavar=("KIND", "AMOUNT"), help=of_skin)
     args = parser.parse_args()
-    for name in args.experiments:
-        rows: dict[tuple[str, int], list[Row]] = {}
-        for seed in args.seeds:
-            stored = babbled(name, seed, args.stored, args.runs)
-            for way in args.ways:
-                most = max(args.touches)
-                used = walked(stored) if way == "walk" else explored(name, seed, most)
-                for number in args.touches:
-                    row = look(name, seed, number, stored, used, args)
-                    rows.setdefault((way, number), []).append(row)
-        for (way, number), some in rows.items():
-            means = ", ".join(
-                f"{key} median {np.nanmedian(column):.2f} worst {np.nanmax(column):.2f} {unit}"
-                for key, unit in (("contact", "%"), ("tip", "%"), ("skin", "%"), ("went", "k"))
-                for column in [np.array([getattr(row, key) for row in some])]
-            )
-            print(
-                f"{name} {way} {number}: {means}, order right {sum(row.right for row in some)},",
-                f"accepted {sum(row.accepted for row in some)} of {len(some)},",
-                f"{np.median([row.seconds for row in some]):.1f} s",
-                flush=True,
-            )
+    fault = " ".join([*(args.corrupt or []), *(args.skin or []), *["labels"][: args.labels]])
+    with results(args.table) as add:
+        for name in args.experiments:
+            rows: dict[tuple[str, int], list[Row]] = {}
+            for seed in args.seeds:
+                stored = babbled(name, seed, args.stored, args.runs)
+                for way in args.ways:
+                    most = max(args.touches)
+                    used = walked(stored) if way == "walk" else explored(name, seed, most)
+                    for number in args.touches:
+                        row = look(name, seed, number, stored, used, args)
+                        rows.setdefault((way, number), []).append(row)
+                        case = {"body": name, "fault": fault, "seed": seed, "way": way}
+                        add(case | {"touches": number} | row._asdict())
+            for (way, number), some in rows.items():
+                print(f"{name} {way} {number}: {summary(some)}", flush=True)
+
+
+def summary(rows: list[Row]) -> str:
+    """Median and worst of some rows, and how many are right, accepted, or accepted and wrong."""
+    means = ", ".join(
+        f"{key} median {np.nanmedian(column):.2f} worst {np.nanmax(column):.2f} {unit}"
+        for key, unit in (("contact", "%"), ("tip", "%"), ("skin", "%"), ("went", "k"))
+        for column in [np.array([getattr(row, key) for row in rows])]
+    )
+    wrong = sum(row.accepted and not row.right for row in rows)
+    return (
+        f"{means}, order right {sum(row.right for row in rows)}, "
+        f"accepted {sum(row.accepted for row in rows)} of {len(rows)}, of which wrong {wrong}, "
+        f"{np.median([row.seconds for row in rows]):.1f} s"
+    )
 
 
 if __name__ == "__main__":

@@ -86,6 +86,8 @@ def live(
             name = f"{directory.experiment.name}, live"
             with shown_page(name, port, click.echo, **LIFE_FIT) as meshcat:
                 lifelong.live(directory, LifePage(meshcat))
+    for line in lifelong.growth_lines(directory):
+        click.echo(line)
     click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")
 
 

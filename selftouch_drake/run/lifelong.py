@@ -4,12 +4,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.growth import GrowingModel, Growth
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.bodies.embodiment import World, build_world
 from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
 from selftouch_drake.experience.exploration import Exploration, new_life
 from selftouch_drake.experience.store import ExperienceReader
-from selftouch_drake.files import save_arrays
+from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import Progress, require_experience, silent
 from selftouch_drake.run.worlds import run_bodies
@@ -37,6 +39,9 @@ class Watcher:
     def scored(self, found: Quality, num_touches: int) -> None:
         """Called after the agent was scored."""
 
+    def grew(self, model: BodyModel, q: np.ndarray, target: np.ndarray) -> None:
+        """Called after it asked for a model, by `(n, J)` touches with `(n,)` target sensations."""
+
 
 def live(
     run: RunDirectory,
@@ -62,8 +67,16 @@ def live(
             taken = life.num_touches
             progress(life.every * taken / total, f"{taken:,} touches: {mood(life)}")
     finally:
-        save_arrays(run.life, biography.curves.to_arrays() | run.stamp())
+        save_arrays(run.life, biography.curves.to_arrays() | biography.growth | run.stamp())
     return biography.curves
+
+
+def growth_lines(run: RunDirectory) -> list[str]:
+    """Since when each axis, the tree and each skin stands, by the life of a run; none without."""
+    arrays = load_arrays(run.life)
+    if Growth.prefix + "touches" not in arrays:
+        return []
+    return Growth.from_arrays(arrays).in_words(run.joint_names())
 
 
 def _blocks(
@@ -96,6 +109,11 @@ class _Biography:
     def __init__(self, run: RunDirectory, watcher: Watcher | None):
         self._experiment, self._watcher = run.experiment, watcher or Watcher()
         self.life = new_life(run.experiment)
+        # Of the body as it is at birth, if it may ask.
+        self._growing: GrowingModel | None = None
+        if run.experiment.representation.body_model == "auto":
+            self._growing = GrowingModel(run.joint_names(), seed=run.experiment.seed)
+        self._grew = self._growing
         self._changes = [c.after for c in run.experiment.changes if c.after > 0]
         self._due, self._taken = float(_FIRST), 0
         self._felt = np.zeros(run.num_receptors, dtype=bool)
@@ -105,17 +123,29 @@ class _Biography:
     def take(self, q: np.ndarray, sensation: np.ndarray, learn: Callable[..., None]) -> None:
         """The next touches, from which the agent is to learn."""
         if self._taken in self._changes:
-            self._world = self._enter(self._taken)
+            self._world, self._growing = self._enter(self._taken), None
             self._due = min(self._due, self._taken + _AFTER)
             if self.life.learner.knows:
                 self._score()
         self._taken += len(q)
         self._felt |= sensation.any(axis=0)
+        self._grow(q, sensation)
         learn(q, sensation)
         self._watcher.lived(q, sensation, self.life)
         if self._taken >= self._due and self.life.learner.knows and not self.life.has_doubts:
             self._score()
             self._due = _MORE * self._taken
+
+    def _grow(self, q: np.ndarray, sensation: np.ndarray) -> None:
+        """Asks for the model of the body whenever it is time, in the midst of the touches too."""
+        while self._growing is not None and len(q):
+            now = slice(self._growing.to_come)
+            if self._growing.take(q[now], sensation[now]):
+                learner, learned = self.life.learner, None
+                if learner.knows:
+                    learned = learner.representation, learner.kernel_sensation
+                self._watcher.grew(*self._growing.ask(learned))
+            q, sensation = q[now.stop :], sensation[now.stop :]
 
     def _enter(self, num_touches: int) -> World | None:
         """The world with the body at that time; None if nobody knows it."""
@@ -132,6 +162,12 @@ class _Biography:
             error, contact = found.error, found.contact
             self._watcher.scored(found, self._taken)
         self._scores.append((self._taken, float(self._felt.mean()), error, contact))
+
+    @property
+    def growth(self) -> dict[str, np.ndarray]:
+        """How the model of the body grew, as arrays; none if it did not ask."""
+        growth = None if self._grew is None else self._grew.growth
+        return {} if growth is None else growth.to_arrays()
 
     @property
     def curves(self) -> LifeCurves:

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.growth import Growth
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation.embedded import EmbeddedRepresentation
@@ -164,12 +165,27 @@ class RunData:
     @cached_property
     def life(self) -> LifeCurves:
         """The life of the agent."""
+        return LifeCurves.from_arrays(self._life_arrays)
+
+    @cached_property
+    def growth(self) -> Growth:
+        """How the model of its body grew in the life of the agent."""
+        arrays = self._life_arrays
+        if Growth.prefix + "touches" not in arrays:
+            raise MissingError(
+                "the life of the agent has no body model: set representation.body_model to auto, "
+                f"and run `selftouch live {self.run.path}`"
+            )
+        return Growth.from_arrays(arrays)
+
+    @cached_property
+    def _life_arrays(self) -> dict[str, np.ndarray]:
         remedy = f"run `selftouch live {self.run.path}`"
         if not self.run.life.exists():
             raise MissingError(f"the life of the agent is missing; {remedy}")
         arrays = load_arrays(self.run.life)
         self.run.require_stamp(self.run.life, arrays, remedy=remedy)
-        return LifeCurves.from_arrays(arrays)
+        return arrays
 
     @cached_property
     def shown_pair(self) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from by_hand import laid_by_hand
 from modelled import true_model
 from scipy.optimize import least_squares
 
+from selftouch_drake.agent.body_model.growth import Growth
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.touch_model import TouchModel
@@ -234,7 +235,8 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         kind=EmbeddedRepresentation,
     )
     save_learned(run, representation, body, TouchModel((None,)))
-    save_body_model(run, _model_of(run, laid, representation))
+    model = _model_of(run, laid, representation)
+    save_body_model(run, model)
     touches = np.arange(1, 10)
     life = LifeCurves(
         touches=touches,
@@ -247,7 +249,8 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         noticed=touches[5:6],
         mended=touches[6:7],
     )
-    save_arrays(run.life, life.to_arrays() | run.stamp())
+    growth = Growth.of([(50, model), (100, model)])
+    save_arrays(run.life, life.to_arrays() | growth.to_arrays() | run.stamp())
     metrics = {
         "surface_rms_fraction": 0.0123,
         "unpractised_contact_mean": 0.812,

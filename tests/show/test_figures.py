@@ -71,8 +71,8 @@ def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     [
         ("nothing", []),
         ("babbled", ["coverage"]),
-        ("learned", [*list(FIGURES)[:7], "life"]),
-        ("planned", [*list(FIGURES)[:8], "life"]),
+        ("learned", [*list(FIGURES)[:7], "life", "growth"]),
+        ("planned", [*list(FIGURES)[:8], "life", "growth"]),
     ],
 )
 def test_what_is_missing_is_skipped_with_a_reason(make_run, unrendered, stage, drawn):

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from laid_out import execution_of, fields_of
 
+from selftouch_drake.agent.body_model.model import rejected
+from selftouch_drake.evaluation.body_model import angles_between, found_axes, true_axes
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.robot import World
+from selftouch_drake.run.artifacts import load_body_model, load_representation
+from selftouch_drake.show.meshcat.growing_skeleton import onto_home, unsure_models
 from selftouch_drake.show.meshcat.pages import BabblingRobot, LifePage
 from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
 
@@ -47,3 +51,37 @@ def test_what_is_shown_is_what_the_simulation_feels():
     np.testing.assert_array_equal(simulation.slip, np.zeros(len(simulation.q)))
     np.testing.assert_allclose(simulation.q, done.q_measured[row], atol=0.02)
     assert simulation.time_s > 0.0
+
+
+def test_a_skeleton_is_laid_on_its_robot_and_drawn_with_pale_ones(two_skins):
+    page, known = entered("kinematic"), load_representation(two_skins)
+    model, done = load_body_model(two_skins), execution_of("two_skins")
+    touching = done.felt.any(axis=1)
+    q = done.q_measured[touching].astype(float)
+    target = np.argmax(done.felt[touching] @ known.target_sensations.T, axis=1)
+    page.grew(model, q, target)
+    for name in ("links", "axes", "unsure_links", "unsure_axes"):
+        assert page._meshcat.HasPath(f"/skeleton/{name}"), name
+    world, home = page._world, page.robot.home
+    onto = onto_home(model, world, home, q, target)
+    off = angles_between(
+        found_axes(model, home).moved(onto), true_axes(world.robot.kinematics, home)
+    )
+    assert np.nanmax(off) < 2.0
+    nothing = rejected(
+        "too few",
+        joint_names=model.joint_names,
+        kernel_part=known.part,
+        num_rows=len(q),
+        num_receptors=len(model.receptor_part),
+        seed=0,
+    )
+    page.grew(nothing, q, target)
+    assert not page._meshcat.HasPath("/skeleton")
+
+
+def test_pale_skeletons_scatter_as_the_standard_errors_say(two_skins):
+    model = load_body_model(two_skins)
+    drawn = np.array([one.twists for one in unsure_models(model, 400)])
+    sigma = np.sqrt(np.diag(np.nan_to_num(model.covariance)))[: model.twists.size]
+    np.testing.assert_allclose(drawn.std(axis=0).ravel(), sigma, atol=0.2 * sigma.max() + 1e-12)

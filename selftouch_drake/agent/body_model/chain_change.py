@@ -98,12 +98,14 @@ class ChainChange:
         after: as it is. Where `before` takes the toucher in a posture, `after` takes it in the
             posture in which the same is felt now.
         turn: `(3, 3)` how the last link turned and stretched at readings of 0.
+        left: how far touches are off now, in squares, as a multiple of what is usual.
     """
 
     parts: tuple[Part, ...]
     before: KnownChain
     after: KnownChain
     turn: np.ndarray
+    left: float
 
     @property
     def in_words(self) -> str:
@@ -374,7 +376,8 @@ def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChang
                 if two.length < best.length:
                     best = two
     after, turn = _with_inserted(known, best.together, best.amount)
-    return ChainChange(parts=best.parts(), before=known, after=after, turn=turn)
+    left = _robust(since.errors(after)) / base
+    return ChainChange(parts=best.parts(), before=known, after=after, turn=turn, left=left)
 
 
 def changed_between(

@@ -20,6 +20,7 @@ from selftouch_drake.agent.lifelong.explanation import (
     ENOUGH,
     LivedChain,
     explain_change,
+    guess_change,
     refined,
 )
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
@@ -43,7 +44,7 @@ _MOST_USUAL = 10_000
 _TO_EXPLAIN = 1000
 
 #: Touches of the changed body from which it tries to explain the change by its chain alone.
-_TO_GUESS = (100, 300)
+_TO_GUESS = (30, 100, 300)
 
 #: Touches from before a change from which the chain of the body is found.
 _OF_CHAIN = 600
@@ -52,7 +53,7 @@ _OF_CHAIN = 600
 _TO_REFINE = (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
-_BLOCK = 100
+_BLOCK = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,8 +169,8 @@ class Life:
                 self._explain(*self._raised, self._explanation())
             elif self._to_guess and len(self._strange) >= self._to_guess[0]:
                 self._to_guess = self._to_guess[1:]
-                guess = self._explanation(guess=True)
-                if guess is not None and guess.chain is not None and guess.left <= ENOUGH:
+                guess = self._guess()
+                if guess is not None:
                     self._explain(*self._raised, guess)
             return
         if self._to_refine:
@@ -224,15 +225,10 @@ class Life:
             num = int(min(_USUAL * self.learner.num_touches, _MOST_USUAL))
             self._last = self._last.and_then(block)[-num:]
 
-    def _explanation(self, *, guess: bool = False) -> BodyChange | None:
-        """What changed, by the strange touches; a guess is None without a chain."""
+    def _explanation(self) -> BodyChange:
+        """What changed, by the strange touches."""
         assert self._watching is not None
-        remembered, number = self._remembered()
-        self._before = remembered[number < self._num_before]
-        self._chain = self._chain or self._chain_of(self._before)
-        if guess and self._chain is None:
-            self._to_guess = ()
-            return None
+        self._look_back()
         return explain_change(
             self._watching[0],
             self._last,
@@ -243,8 +239,24 @@ class Life:
             seed=self._seed,
         )
 
-    def _explain(self, row: int, since: int, change: BodyChange | None) -> None:
-        assert change is not None
+    def _guess(self) -> BodyChange | None:
+        """What moved of the chain, if that explains the strange touches; None without a chain."""
+        assert self._watching is not None
+        self._look_back()
+        if self._chain is None:
+            self._to_guess = ()
+            return None
+        return guess_change(
+            self._watching[0], self._last, self._before, self._strange, known=self._chain
+        )
+
+    def _look_back(self) -> None:
+        """Remembers the touches from before the change, and the chain of the body then."""
+        remembered, number = self._remembered()
+        self._before = remembered[number < self._num_before]
+        self._chain = self._chain or self._chain_of(self._before)
+
+    def _explain(self, row: int, since: int, change: BodyChange) -> None:
         self.noticed.append(
             Noticed(
                 row=row,

@@ -8,16 +8,18 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.bodies.drake import while_babbling
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
 from selftouch_drake.run.lifelong import Watcher, mood
+from selftouch_drake.show.meshcat.growing_skeleton import draw_growing, onto_home
 from selftouch_drake.show.meshcat.live_page import shown_page
 from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
 from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, Stage
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of, typical_extent
-from selftouch_drake.show.style import FIRM, RECOVERED, VERMILION, VIEW
+from selftouch_drake.show.style import BLUE, FIRM, ORANGE, RECOVERED, VERMILION, VIEW
 from selftouch_drake.systems.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -37,11 +39,16 @@ ROBOT_FIT: Mapping[str, Any] = {
 #: Likewise, of a life.
 LIFE_FIT: Mapping[str, Any] = {
     "text": "The agent learns from its first touch on. The more a receptor feels, the darker it "
-    "is.",
-    "colors": ((VERMILION, "what touches"), (RECOVERED, "the body that it knows so far")),
+    "is. Thin lines and pale points show how unsure it is.",
+    "colors": (
+        (VERMILION, "what touches"),
+        (RECOVERED, "the skin that it knows so far"),
+        (BLUE, "the links"),
+        (ORANGE, "the axes"),
+    ),
 }
-# Path of the body that the agent knows.
-_KNOWN = "/known"
+# Paths of the skin and of the skeleton that the agent knows.
+_KNOWN, _SKELETON = "/known", "/skeleton"
 
 
 class RobotPage(FeelingRobot):
@@ -158,3 +165,13 @@ class LifePage(Watcher):
         self._meshcat.SetTransform(_KNOWN, RigidTransform(APART * size * VIEW.axes[0]))
         parts = laid_on_skins(found.body, found.truth, skins, home)
         draw_parts(self._meshcat, _KNOWN, parts, typical_extent(skins))
+
+    def grew(self, model: BodyModel, q: np.ndarray, target: np.ndarray) -> None:
+        """Draws the skeleton that the agent knows so far, on the other side of the robot."""
+        home, size = self.robot.home, self.robot.size
+        onto = onto_home(model, self._world, home, q, target)
+        if onto is None:
+            self._meshcat.Delete(_SKELETON)
+            return
+        self._meshcat.SetTransform(_SKELETON, RigidTransform(-APART * size * VIEW.axes[0]))
+        draw_growing(self._meshcat, _SKELETON, model, onto, home, size)

@@ -15,7 +15,7 @@ from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.found_figures import found_numbers, found_receptors
-from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
+from selftouch_drake.show.page.motion_figures import felt_and_predicted, growth, life
 from selftouch_drake.show.page.shape_figures import body_shape, persistence, quotient_graph
 from selftouch_drake.show.page.skeleton_figures import skeleton
 from selftouch_drake.show.page.skin_figures import coverage, sensation_map
@@ -95,14 +95,17 @@ FIGURES: dict[str, Callable[[RunData], Figure]] = {
     draw.__name__: draw
     for draw in (
         *(agent, coverage, sensation_map, quotient_graph, body_shape, persistence, skeleton),
-        *(plan_path, plan_ways, felt_and_predicted, life),
+        *(plan_path, plan_ways, felt_and_predicted, life, growth),
     )
 }
 
 # Where nobody knows the robot: what was found, with the numbers and the names on it.
 FOUND_FIGURES: dict[str, Callable[[RunData], Figure]] = {
     draw.__name__: draw
-    for draw in (found_numbers, found_receptors, quotient_graph, persistence, skeleton, life)
+    for draw in (
+        *(found_numbers, found_receptors, quotient_graph, persistence, skeleton),
+        *(life, growth),
+    )
 }
 
 

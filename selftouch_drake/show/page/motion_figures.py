@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from selftouch_drake.agent.body_model.growth import SURE_AXIS
 from selftouch_drake.agent.lifelong.expectation import with_unit_norm
 from selftouch_drake.show.page.scene import (
     add_scene,
@@ -24,6 +25,7 @@ from selftouch_drake.show.style import (
     GREEN,
     ORANGE,
     PRESSURE,
+    RECOVERED,
     SKIN,
     SKY,
     VERMILION,
@@ -265,4 +267,49 @@ def life(data: RunData) -> Figure:
         ax.set_xlabel("touches")
     if len(curves.changed) or len(curves.noticed):
         axes[-1].legend(loc="upper left", fontsize="small")
+    return figure
+
+
+@styled
+def growth(data: RunData) -> Figure:
+    """How sure axes and receptors were in the first touches, and since when each thing stands."""
+    grown = data.growth
+    names = data.run.joint_names() or [str(n + 1) for n in range(grown.axis_sigma.shape[1])]
+    figure = Figure(figsize=(10.5, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2, sharex=True)
+    accepted = grown.accepted > 0
+    for joint, at in enumerate(grown.axes_stand()):
+        sigma = grown.axis_sigma[:, joint]
+        if not np.isfinite(sigma).any():
+            continue
+        (line,) = left.plot(grown.touches, sigma, marker=".", label=names[joint])
+        left.plot(grown.touches[~accepted], sigma[~accepted], "x", color=line.get_color())
+        if at is not None:
+            left.axvline(at, color=line.get_color(), linewidth=0.8, alpha=0.5)
+    left.axhline(SURE_AXIS, color="0.4", linestyle=":", linewidth=1.0)
+    left.set_xscale("log")
+    if len(left.get_legend_handles_labels()[0]):
+        left.set_yscale("log")
+        left.legend(fontsize="x-small", ncols=2)
+    left.set_ylabel("degrees")
+    left.set_title("standard error of each axis (a cross: not accepted)")
+    right.plot(grown.touches, 100 * grown.receptor_sigma, marker=".", color=RECOVERED)
+    stands = [(grown.tree_stands(), "the tree")]
+    stands += [(at, f"skin {number}") for number, at in enumerate(grown.skins_stand(), start=1)]
+    for number, (moment, what) in enumerate(stands):
+        if moment is not None:
+            color = (BLUE, ORANGE, GREEN, VERMILION)[number % 4]
+            # Several that stand at once are all seen.
+            dashes = (4 * number, (4, 4 * len(stands) - 4))
+            label = f"{what} stands after {moment:,}"
+            right.axvline(moment, color=color, linestyle=dashes, label=label)
+    if any(moment is not None for moment, _ in stands):
+        right.legend(fontsize="x-small")
+    right.set_ylim(bottom=0)
+    right.set_ylabel("% of the radius")
+    right.set_title("standard error of receptors' places")
+    for ax in (left, right):
+        ax.set_xlabel("touches")
+        ax.set_xticks(grown.touches, [f"{number:,}" for number in grown.touches])
+        ax.minorticks_off()
     return figure

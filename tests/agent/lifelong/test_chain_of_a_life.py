@@ -8,7 +8,7 @@ from selftouch_drake.agent.body_model.chain_change import Change
 from selftouch_drake.agent.body_model.known_chain import found_chain
 from selftouch_drake.agent.lifelong import life as module
 from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet
-from selftouch_drake.agent.lifelong.explanation import LivedChain, explain_change
+from selftouch_drake.agent.lifelong.explanation import LivedChain, explain_change, guess_change
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
 
@@ -48,6 +48,28 @@ def test_a_zero_moves_touches_by_that_much_though_receptors_died(before, known, 
     adapted = change.adapted(before[:100])
     assert (adapted.sensation[:, np.flatnonzero(change.silent)] == 0).all()
     assert set(np.flatnonzero(change.silent)) <= set(dead)
+
+
+def guessed(expectation, before, known, since):
+    return guess_change(expectation, before[2000:], before, since, known=known)
+
+
+def test_some_thirty_touches_are_enough_to_name_what_moved(before, known, expectation):
+    q, felt = ArmOnBall().touches(35, seed=4)
+    q[:, 1] -= 0.3
+    change = guessed(expectation, before, known, TouchSet(q, felt))
+    (part,) = change.chain.parts
+    assert (part.kind, part.joint) == (Change.ZERO, 1)
+    assert part.amount == pytest.approx(0.3, abs=0.05)
+    assert change.left == change.chain.left < 1.5
+
+
+def test_no_joint_is_guessed_where_receptors_died_or_nothing_changed(before, known, expectation):
+    q, felt = ArmOnBall().touches(120, seed=4)
+    assert guessed(expectation, before, known, TouchSet(q, felt)) is None
+    felt[:, ::6] = 0.0
+    some = TouchSet(q, felt)[felt.any(axis=1)]
+    assert guessed(expectation, before, known, some) is None
 
 
 def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, known, expectation):
