@@ -7,6 +7,7 @@ Every method lays out what it can in three dimensions, and its places are handed
 with its authors' own code where a package has it; the table says whose code it is, and which
 packages are missing (`pip install umap-learn pacmap phate minisom`).
 
+- `body_model`: ours, places by the body model, and by `learned` on parts where it is rejected;
 - `learned`, `sensorimotor`, `motor`: ours; `literal`: ours, the paper's method to the letter;
 - `isomap` (ANISOMAP: McGregor, Polani and Dautenhahn 2011), `mds`, `tsne`, `spectral`, `umap`,
   `pacmap`, `phate`: of sensations, with the settings that their packages recommend;
@@ -15,13 +16,16 @@ packages are missing (`pip install umap-learn pacmap phate minisom`).
   by Isomap, which trusts high correlations only (as Modayil 2010), `information` by the information
   distance of readings in eight bins (Olsson, Nehaniv and Polani 2006);
 - `autoencoder`: its three middle units, a stand-in for Marcel, O'Regan and Hoffmann 2022;
+- `diffusion` maps and a `variational` autoencoder, of sensations (`rival_maps.py`);
+- `calibrated`: places of touches by the robot's own model, without an error: what a calibration
+  reaches at best. It alone is told the kinematics, and what touched what;
 - `random`: anywhere.
 
-Only ours use motor configurations. To help the rivals, each lays out by itself every part that our
-agent found; and those that lay out sensations do so twice: our target sensations (`targets`; each
-receptor is then handed in at the mean place of those in which it reads something, by the square of
-its reading, as with ours), and 1,500 random touches as they are (`touches`). Raw readings are
-calibrated by our import first. Seconds are of CPU time.
+Only ours and `calibrated` use motor configurations. To help the rivals, each lays out by itself
+every part that our agent found; and those that lay out sensations do so twice: our target
+sensations (`targets`; each receptor is then handed in at the mean place of those in which it reads
+something, by the square of its reading, as with ours), and 1,500 random touches as they are
+(`touches`). Raw readings are calibrated by our import first. Seconds are of CPU time.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -43,7 +48,10 @@ from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
 from sklearn.neural_network import MLPRegressor
 
+from selftouch_drake.agent.body_model.asking import ask_for_model
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.readings.found_touches import find_touches
+from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
@@ -53,6 +61,7 @@ from selftouch_drake.run.submissions import find_recording, judge_submission
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
+from benchmarks.others.rival_maps import calibrated_places, diffusion, variational
 from benchmarks.shared.results import add_update_option, results
 
 #: Sensations `(n, S)` and a seed to places `(n, 3)`.
@@ -176,7 +185,7 @@ def information(readings: np.ndarray, seed: int) -> np.ndarray:
     return scaled((apart + apart.T) / 2, seed)
 
 
-_OURS = ("learned", "sensorimotor", "motor", "literal")
+_OURS = ("body_model", "learned", "sensorimotor", "motor", "literal")
 _HERE, _LEARN = "written here from the paper, by ", "scikit-learn"
 WAYS: dict[str, Way] = {
     "isomap": Way("", _LEARN, isomap),
@@ -191,8 +200,11 @@ WAYS: dict[str, Way] = {
     "correlation": Way(_HERE, _LEARN, correlation, ("receptors",)),
     "near_correlation": Way(_HERE, _LEARN, near_correlation, ("receptors",)),
     "information": Way(_HERE, _LEARN, information, ("receptors",)),
+    "diffusion": Way(_HERE, "scipy", diffusion),
+    "variational": Way(_HERE, "numpy", variational, ("touches",)),
     "random": Way("written here, by ", _LEARN, anywhere, ("targets",)),
 }
+_ALL = (*_OURS, *WAYS, "calibrated")
 
 
 class Touches:
@@ -201,16 +213,17 @@ class Touches:
     def __init__(self, path: Path, size: int, options: argparse.Namespace):
         given = load_arrays(path)
         q, sensation = given["q"][:size], given["sensation"][:size]
-        self.path, self.size = path, size
+        self.path, self.size, self.seed = path, size, options.seed
         self.rows, self.q, self.felt = np.arange(len(q)), q, sensation
         if sensation.dtype.kind in "iu":
             felt = find_touches(q, sensation)
             self.rows, self.q, self.felt = felt.rows, felt.q, felt.sensation
-        began, seed = time.process_time(), options.seed
+        began = time.process_time()
         sizes = {"num_targets": options.targets, "max_kernel_size": 1000}
-        learned = learn(lambda: [(self.felt, self.q)], **sizes, seed=seed)
+        learned = learn(lambda: [(self.felt, self.q)], **sizes, seed=self.seed)
         self.representation: QuotientRepresentation = learned.representation
         self.seconds = time.process_time() - began
+        self.model_seconds = 0.0
         self.unit = self.felt / np.linalg.norm(self.felt, axis=1, keepdims=True)
         fragment = self.representation.part >= self.representation.num_parts
         self.target_part = np.where(fragment, -1, self.representation.part)
@@ -223,6 +236,37 @@ class Touches:
         weight = np.square(felt, dtype=float) * (self.target_part[:, None] == part)
         found = weight.T @ places / np.maximum(weight.sum(axis=0), 1e-12)[:, None]
         return {"receptor_places": found, "parts": part}
+
+    @cached_property
+    def model(self) -> BodyModel:
+        """The body model that our agent finds, accepted or not."""
+        began, found = time.process_time(), self.representation
+        felt = kernel_sensations(found.kernel_row, [self.felt])
+        model = ask_for_model(found, felt, seed=self.seed)
+        self.model_seconds = time.process_time() - began
+        return model
+
+    def by_model(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """A hand-in of receptors by the body model; by `(K, 3)` places on parts it does not know.
+
+        The two never meet on one part: they have no frame in common.
+        """
+        found, other = self.model.receptors(), self.by_targets(places)
+        accepted = np.append(self.model.accepted_by_part, False)  # the last one for part -1
+        known = accepted[found.part] & np.isfinite(found.place).all(axis=1)
+        part = np.where(accepted[other["parts"]], -1, other["parts"])
+        return {
+            "receptor_places": np.where(known[:, None], found.place, other["receptor_places"]),
+            "parts": np.where(known, found.part, part),
+        }
+
+    def imagined_touches(self) -> dict[str, np.ndarray]:
+        """A hand-in of all touches by the body model, those of parts that it accepts."""
+        target = assign(self.felt, self.representation.target_sensations)[0]
+        places = self.model.place(self.q.astype(float), target)
+        part = self.model.kernel_part[target]
+        known = self.model.accepted_by_part[part] & np.isfinite(places).all(axis=1)
+        return {"touch_places": places[known], "rows": self.rows[known], "parts": part[known]}
 
     def handed_in(self, lay: Layout, of: str, seed: int) -> dict[str, np.ndarray]:
         """A hand-in by a rival."""
@@ -258,11 +302,28 @@ def rows_of(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str,
     seed = options.seed
     for way in options.ways:
         if way in _OURS:
-            began = time.process_time()
-            body = recover(touches.representation, way, seed=seed, holes=False)
+            began, by_model = time.process_time(), way == "body_model"
+            metric = "learned" if by_model else way
+            body = recover(touches.representation, metric, seed=seed, holes=False)
             spent = time.process_time() - began + touches.seconds
             places = np.nan_to_num(body.positions)
-            yield row(touches, way, "ours", "targets", touches.by_targets(places), spent)
+            if by_model:
+                handed = touches.by_model(places)
+                spent += touches.model_seconds
+                print(touches.path.stem, touches.size, touches.model.reason, flush=True)
+                if "touches" in options.of:
+                    again = touches.imagined_touches()
+                    yield row(touches, way, "ours", "touches", again, spent)
+            else:
+                handed = touches.by_targets(places)
+            yield row(touches, way, "ours", "targets", handed, spent)
+            continue
+        if way == "calibrated":
+            began = time.process_time()
+            truth = load_arrays(touches.path.with_name(f"{touches.path.stem}.truth.npz"))
+            handed = calibrated_places(truth, touches.q, touches.rows)
+            spent = time.process_time() - began
+            yield row(touches, way, "written here, by drake", "touches", handed, spent)
             continue
         known = WAYS[way]
         try:
@@ -354,7 +415,7 @@ def main() -> None:
         help="sizes: the first rows, or all if fewer",
     )
     parser.add_argument("--targets", type=int, default=300)
-    parser.add_argument("--ways", nargs="+", choices=(*_OURS, *WAYS), default=[*_OURS, *WAYS])
+    parser.add_argument("--ways", nargs="+", choices=_ALL, default=_ALL)
     of = ["targets", "touches", "receptors"]
     parser.add_argument("--of", nargs="+", choices=of, default=of, help="what rivals lay out")
     parser.add_argument("--seed", type=int, default=0, help="of all that is random in a method")
