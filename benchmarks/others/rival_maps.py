@@ -1,9 +1,9 @@
 """Part of `rivals.py`: maps that no package here makes, and kinematics that are known.
 
-`diffusion` are diffusion maps (Coifman and Lafon 2006), as published skins' maps use them;
-`variational` is a variational autoencoder (Kingma and Welling 2014) with three latent units, as
-learned body schemas do; `calibrated_places` are what calibration by self-touch (Roncone et al.
-2014) gives at best: places of touches by the robot's own model, without an error left.
+`diffusion` are diffusion maps (Coifman and Lafon 2006); `variational` is a variational autoencoder
+(Kingma and Welling 2014) with three latent units; `along_map` are plans over any map;
+`calibrated_places` are what calibration by self-touch (Roncone et al. 2014) gives at best: places
+of touches by the robot's own model, without an error left.
 """
 
 from __future__ import annotations
@@ -12,13 +12,19 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import build_world
 from selftouch_drake.experiment import load_experiment
 
 # Of the variational autoencoder: rate and weight of the prior did best on seed 3 of `cube`.
 _HIDDEN, _LATENT, _BATCH, _EPOCHS, _RATE, _PRIOR_WEIGHT = 128, 3, 100, 200, 3e-3, 0.03
+# Links of each target to others in plans over a map.
+_NEIGHBOURS_ON_MAP = 8
 # The neighbour whose distance is the width of the kernel of diffusion maps.
 _NEIGHBOUR = 10
 
@@ -84,6 +90,41 @@ def _slopes(
              "up": (latent, d_upper), "out": (upper, off)}  # fmt: skip
     found = {f"{name}_w": below.T @ above for name, (below, above) in pairs.items()}
     return found | {f"{name}_b": above.sum(axis=0) for name, (_, above) in pairs.items()}
+
+
+def along_map(
+    representation: QuotientRepresentation, places: np.ndarray, start: np.ndarray, ends: np.ndarray
+) -> np.ndarray:
+    """`(W, J)` a plan over a map of target sensations: the shortest way between neighbours on it.
+
+    In each target on the way it takes the stored posture nearest to the one before. Where the map
+    has no way, the plan goes straight to the goal.
+
+    Args:
+        representation: whose targets are laid out.
+        places: `(K, 3)` where the map has them.
+        start: `(J,)` rad or m, where the plan begins.
+        ends: `(2,)` the targets that are felt at the start and at the goal.
+    """
+    num = len(places)
+    away, near = cKDTree(places).query(places, min(_NEIGHBOURS_ON_MAP + 1, num))
+    # A way of no length would be none.
+    lengths = np.maximum(away[:, 1:], 1e-9).ravel()
+    from_to = np.repeat(np.arange(num), near.shape[1] - 1), near[:, 1:].ravel()
+    links = csr_array((lengths, from_to), shape=(num, num))
+    before = dijkstra(links, directed=False, indices=int(ends[0]), return_predecessors=True)[1]
+    way = [int(ends[1])]
+    while way[-1] != ends[0] and before[way[-1]] >= 0:
+        way.append(int(before[way[-1]]))
+    if way[-1] != ends[0]:
+        way = way[:1]
+    offsets, scale = representation.kernel_offsets, np.std(representation.kernel_q, axis=0)
+    found = [start]
+    for target in way[::-1]:
+        stored = representation.kernel_q[offsets[target] : offsets[target + 1]].astype(float)
+        off = np.square((stored - found[-1]) / np.maximum(scale, 1e-9)).sum(axis=1)
+        found.append(stored[off.argmin()])
+    return np.array(found)
 
 
 def calibrated_places(

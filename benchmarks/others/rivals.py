@@ -25,7 +25,9 @@ Only ours and `calibrated` use motor configurations. To help the rivals, each la
 every part that our agent found; and those that lay out sensations do so twice: our target
 sensations (`targets`; each receptor is then handed in at the mean place of those in which it reads
 something, by the square of its reading, as with ours), and 1,500 random touches as they are
-(`touches`). Raw readings are calibrated by our import first. Seconds are of CPU time.
+(`touches`). With `--plans`, `body_model` and `learned` plan between the recording's pairs, and so
+does every map of targets, by its shortest ways. Raw readings are calibrated by our import first.
+Seconds are of CPU time.
 """
 
 from __future__ import annotations
@@ -48,6 +50,7 @@ from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
 from sklearn.neural_network import MLPRegressor
 
+from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body_model.asking import ask_for_model
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.readings.found_touches import find_touches
@@ -61,13 +64,15 @@ from selftouch_drake.run.submissions import find_recording, judge_submission
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
-from benchmarks.others.rival_maps import calibrated_places, diffusion, variational
+from benchmarks.others.rival_maps import along_map, calibrated_places, diffusion, variational
 from benchmarks.shared.results import add_update_option, results
 
 #: Sensations `(n, S)` and a seed to places `(n, 3)`.
 Layout = Callable[[np.ndarray, int], np.ndarray]
 # Touches from which receptors are laid out, and networks learn, at most.
 _MOST_ROWS = 5000
+# Of a plan that is handed in.
+_INSTANTS = 1000
 
 
 class Way(NamedTuple):
@@ -213,6 +218,9 @@ class Touches:
     def __init__(self, path: Path, size: int, options: argparse.Namespace):
         given = load_arrays(path)
         q, sensation = given["q"][:size], given["sensation"][:size]
+        self.q_of_pairs, self.pairs = given["q"], given["pairs"]
+        # Plans of fewer rows may begin at a touch that is not among them.
+        self.plans = options.plans and size >= len(given["q"])
         self.path, self.size, self.seed = path, size, options.seed
         self.rows, self.q, self.felt = np.arange(len(q)), q, sensation
         if sensation.dtype.kind in "iu":
@@ -246,12 +254,24 @@ class Touches:
         self.model_seconds = time.process_time() - began
         return model
 
-    def by_model(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """A hand-in of receptors by the body model; by `(K, 3)` places on parts it does not know.
+    def recovered(self, metric: str) -> tuple[np.ndarray, float]:
+        """`(K, 3)` places of the targets by the paper's representation, and seconds."""
+        began = time.process_time()
+        body = recover(self.representation, metric, seed=self.seed, holes=False)
+        spent = time.process_time() - began + self.seconds
+        return np.nan_to_num(body.positions), spent
 
-        The two never meet on one part: they have no frame in common.
+    def by_model(self, places: np.ndarray | None) -> dict[str, np.ndarray]:
+        """A hand-in of receptors by the body model.
+
+        On parts that it does not accept they are by `(K, 3)` places, which are needed where there
+        are such parts. The two never meet on one part: they have no frame in common.
         """
-        found, other = self.model.receptors(), self.by_targets(places)
+        found = self.model.receptors()
+        if places is None:
+            part = np.where(np.isfinite(found.place).all(axis=1), found.part, -1)
+            return {"receptor_places": np.nan_to_num(found.place), "parts": part}
+        other = self.by_targets(places)
         accepted = np.append(self.model.accepted_by_part, False)  # the last one for part -1
         known = accepted[found.part] & np.isfinite(found.place).all(axis=1)
         part = np.where(accepted[other["parts"]], -1, other["parts"])
@@ -268,6 +288,48 @@ class Touches:
         known = self.model.accepted_by_part[part] & np.isfinite(places).all(axis=1)
         return {"touch_places": places[known], "rows": self.rows[known], "parts": part[known]}
 
+    @cached_property
+    def agent(self) -> Agent:
+        """Our agent with its body model, if it accepts one."""
+        felt = kernel_sensations(self.representation.kernel_row, [self.felt])
+        return Agent.of(self.representation, kernel_sensation=felt, body_model=self.model)
+
+    def planned(self, way: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+        """`(P, T, J)` plans for the recording's pairs, each from `(J,)` to `(2,)` targets.
+
+        Where a touch of a pair is not known as one, the plan stays where it is.
+        """
+        number = np.full(int(self.pairs.max()) + 1, -1)
+        number[self.rows[self.rows < len(number)]] = np.flatnonzero(self.rows < len(number))
+        target = assign(self.felt, self.representation.target_sensations)[0]
+        plans = []
+        for first, last in self.pairs:
+            start = self.q_of_pairs[first].astype(float)
+            known = number[first] >= 0 and number[last] >= 0
+            ends = target[number[[first, last]]]
+            posture = way(start, ends) if known else start[None]
+            length = np.linalg.norm(np.diff(posture, axis=0), axis=1)
+            s = np.cumsum([0.0, *np.maximum(length, 1e-12)])
+            at = np.linspace(0.0, s[-1], _INSTANTS)
+            plans.append(np.stack([np.interp(at, s, joint) for joint in posture.T], axis=1))
+        return np.array(plans)
+
+    def by_agent(self, agent: Agent) -> np.ndarray:
+        """Plans of our agent, which nobody followed."""
+
+        def way(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+            try:
+                plan = agent.plan(int(ends[0]), int(ends[1]), q_start=start)
+            except ValueError:  # there is no way
+                return start[None]
+            return plan.path(np.linspace(0.0, plan.waypoint_s[-1], _INSTANTS))
+
+        return self.planned(way)
+
+    def over(self, places: np.ndarray) -> np.ndarray:
+        """Plans over a map of our target sensations."""
+        return self.planned(lambda start, ends: along_map(self.representation, places, start, ends))
+
     def handed_in(self, lay: Layout, of: str, seed: int) -> dict[str, np.ndarray]:
         """A hand-in by a rival."""
         rng = np.random.default_rng(seed)
@@ -280,7 +342,9 @@ class Touches:
             return {"receptor_places": places, "parts": part}
         if of == "targets":
             targets = self.representation.target_sensations
-            return self.by_targets(in_parts(lay, targets, self.target_part, seed)[0])
+            places = in_parts(lay, targets, self.target_part, seed)[0]
+            plans = {"plans": self.over(places)} if self.plans else {}
+            return self.by_targets(places) | plans
         rows = np.sort(rows[:1500])
         places, part = in_parts(lay, self.unit[rows], self.part[rows], seed)
         return {"touch_places": places, "rows": self.rows[rows], "parts": part}
@@ -298,24 +362,32 @@ def in_parts(
     return places, kept
 
 
+def rows_of_model(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str, object]]:
+    """Rows of our agent with its body model, which it may not accept."""
+    print(touches.path.stem, touches.size, touches.model.reason, flush=True)
+    spent, places = touches.seconds + touches.model_seconds, None
+    if "touches" in options.of and touches.model.accepted_by_part.any():
+        yield row(touches, "body_model", "ours", "touches", touches.imagined_touches(), spent)
+    if not touches.model.accepted:
+        places, seconds = touches.recovered("learned")
+        spent = touches.model_seconds + seconds
+    handed = touches.by_model(places)
+    if touches.plans:
+        handed["plans"] = touches.by_agent(touches.agent)
+    yield row(touches, "body_model", "ours", "targets", handed, spent)
+
+
 def rows_of(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str, object]]:
     seed = options.seed
     for way in options.ways:
+        if way == "body_model":
+            yield from rows_of_model(touches, options)
+            continue
         if way in _OURS:
-            began, by_model = time.process_time(), way == "body_model"
-            metric = "learned" if by_model else way
-            body = recover(touches.representation, metric, seed=seed, holes=False)
-            spent = time.process_time() - began + touches.seconds
-            places = np.nan_to_num(body.positions)
-            if by_model:
-                handed = touches.by_model(places)
-                spent += touches.model_seconds
-                print(touches.path.stem, touches.size, touches.model.reason, flush=True)
-                if "touches" in options.of:
-                    again = touches.imagined_touches()
-                    yield row(touches, way, "ours", "touches", again, spent)
-            else:
-                handed = touches.by_targets(places)
+            places, spent = touches.recovered(way)
+            handed = touches.by_targets(places)
+            if touches.plans and way == "learned":
+                handed["plans"] = touches.by_agent(touches.agent.without_model())
             yield row(touches, way, "ours", "targets", handed, spent)
             continue
         if way == "calibrated":
@@ -380,6 +452,9 @@ def row(
         "margin": figure("topology_margin", 1),
         "neighbours": figure("neighbour_agreement", 3),
         "judged": figure("judged_share", 3),
+        "contact": figure("unpractised_contact_mean", 3),
+        "contact_worst": figure("unpractised_contact_worst", 3),
+        "reached": figure("unpractised_reach_rate", 2),
         "cpu_s": round(seconds, 1),
         "code": code,
     }
@@ -418,6 +493,7 @@ def main() -> None:
     parser.add_argument("--ways", nargs="+", choices=_ALL, default=_ALL)
     of = ["targets", "touches", "receptors"]
     parser.add_argument("--of", nargs="+", choices=of, default=of, help="what rivals lay out")
+    parser.add_argument("--plans", action="store_true", help="where all rows are given, plan too")
     parser.add_argument("--seed", type=int, default=0, help="of all that is random in a method")
     add_update_option(parser, "rivals")
     options = parser.parse_args()
