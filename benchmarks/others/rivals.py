@@ -330,6 +330,18 @@ class Touches:
         """Plans over a map of our target sensations."""
         return self.planned(lambda start, ends: along_map(self.representation, places, start, ends))
 
+    def by_touches(self, handed: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """A hand-in of receptors by one of touches: each at the mean of those that it feels."""
+        felt = np.square(self.felt[np.searchsorted(self.rows, handed["rows"])], dtype=float)
+        of_part = (
+            np.eye(handed["parts"].max() + 1)[handed["parts"]] * (handed["parts"] >= 0)[:, None]
+        )
+        heard = felt.T @ of_part
+        part = np.where(heard.any(axis=1), heard.argmax(axis=1), -1)
+        weight = felt.T * (handed["parts"] == part[:, None])
+        found = weight @ handed["touch_places"] / np.maximum(weight.sum(axis=1), 1e-12)[:, None]
+        return {"receptor_places": found, "parts": part}
+
     def handed_in(self, lay: Layout, of: str, seed: int) -> dict[str, np.ndarray]:
         """A hand-in by a rival."""
         rng = np.random.default_rng(seed)
@@ -374,7 +386,7 @@ def rows_of_model(touches: Touches, options: argparse.Namespace) -> Iterator[dic
     handed = touches.by_model(places)
     if touches.plans:
         handed["plans"] = touches.by_agent(touches.agent)
-    yield row(touches, "body_model", "ours", "targets", handed, spent)
+    yield row(touches, "body_model", "ours", "receptors", handed, spent)
 
 
 def rows_of(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str, object]]:
@@ -395,7 +407,9 @@ def rows_of(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str,
             truth = load_arrays(touches.path.with_name(f"{touches.path.stem}.truth.npz"))
             handed = calibrated_places(truth, touches.q, touches.rows)
             spent = time.process_time() - began
-            yield row(touches, way, "written here, by drake", "touches", handed, spent)
+            code = "written here, by drake"
+            yield row(touches, way, code, "touches", handed, spent)
+            yield row(touches, way, code, "receptors", touches.by_touches(handed), spent)
             continue
         known = WAYS[way]
         try:
