@@ -10,8 +10,10 @@ this says where they are from, and what each body is). `--shadow` and `--humanoi
 
 A kernel truly is where the receptors that its target excites are, in the frame of the link that
 most of them are on. *Apart* are links, of those that enough kernels are on, which the agent shows
-by a part of their own; the error of each is of the body's size, as elsewhere. Holes are not judged:
-nobody filed how many a link has.
+by a part of their own; the error of each is of the body's size, as elsewhere. *Accepted* are the
+parts on which held-out touches agree with the body model; the model's errors are those of receptors
+as the model places them, in the same measure, of accepted parts, each on the link that most
+of it is on. Holes are not judged: nobody filed how many a link has.
 """
 
 from __future__ import annotations
@@ -28,9 +30,15 @@ from typing import Any
 import numpy as np
 import yaml
 
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import LEAST_OF_PART
-from selftouch_drake.evaluation.shape import KernelTruth, parts_on_skins, shape_errors
-from selftouch_drake.run.artifacts import load_body, load_representation
+from selftouch_drake.evaluation.shape import (
+    KernelTruth,
+    parts_on_skins,
+    shape_errors,
+    shape_rms_fraction,
+)
+from selftouch_drake.run.artifacts import load_body, load_body_model, load_representation
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import has_learned
 
@@ -57,7 +65,8 @@ BODIES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
 COLUMNS = (
     *("body", "seed", "minutes", "touches", "joints", "receptors", "parts", "links", "links_apart"),
     *("trusted", "contact_before_practice", "contact_worst", "reach_before_practice"),
-    *("contact_practised", "contact_executed", "reach_executed", "without_way", "errors", "said"),
+    *("contact_practised", "contact_executed", "reach_executed", "without_way", "errors"),
+    *("accepted", "model_errors", "model_s", "said"),
 )
 
 
@@ -75,6 +84,22 @@ def place_of_kernels(target_sensations: np.ndarray, body: foreign_bodies.Posed) 
     )
 
 
+def model_errors(model: BodyModel, body: foreign_bodies.Posed) -> dict[str, float]:
+    """Errors of the receptors' places on the links that accepted parts show, by the link's name."""
+    found, errors = model.receptors(), dict[str, float]()
+    known = np.isfinite(found.place).all(axis=1)
+    for part in np.flatnonzero(model.accepted_by_part):
+        mine = known & (found.part == part)
+        if not mine.any():
+            continue
+        link = int(np.bincount(body.skin[mine]).argmax())
+        here = np.flatnonzero(mine & (body.skin == link))
+        if len(here) >= LEAST_OF_PART:
+            error = shape_rms_fraction(found.place[here], body.places[here])
+            errors[body.skins[link]] = max(error, errors.get(body.skins[link], 0.0))
+    return errors
+
+
 def row_of(run: RunDirectory, body: foreign_bodies.Posed) -> dict[str, Any]:
     """What is found in a run of a body."""
     representation = load_representation(run)
@@ -84,6 +109,8 @@ def row_of(run: RunDirectory, body: foreign_bodies.Posed) -> dict[str, Any]:
     shown = [int(representation.part[kernels[0]]) for kernels in own.values()]
     on_skin = np.bincount(truth.skin, minlength=len(body.skins))
     errors = shape_errors(found.positions, representation.part, truth)
+    model = load_body_model(run)
+    by_model = {link: round(error, 4) for link, error in model_errors(model, body).items()}
     figure = lambda key: round(metrics[key], 4) if key in metrics else ""  # noqa: E731
     return {
         "touches": metrics.get("babbling_num_samples", ""),
@@ -101,6 +128,9 @@ def row_of(run: RunDirectory, body: foreign_bodies.Posed) -> dict[str, Any]:
         "reach_executed": figure("execution_reach_rate"),
         "without_way": figure("planning_num_without_way"),
         "errors": json.dumps({body.skins[n]: round(e, 4) for n, e in errors.items()}),
+        "accepted": f"{int(model.accepted_by_part.sum())} of {len(model.accepted_by_part)}",
+        "model_errors": json.dumps(by_model),
+        "model_s": figure("body_model_wall_s"),
     }
 
 

@@ -7,6 +7,7 @@ Every method lays out what it can in three dimensions, and its places are handed
 with its authors' own code where a package has it; the table says whose code it is, and which
 packages are missing (`pip install umap-learn pacmap phate minisom`).
 
+- `body_model`: ours, places by the body model, and by `learned` on parts where it is rejected;
 - `learned`, `sensorimotor`, `motor`: ours; `literal`: ours, the paper's method to the letter;
 - `isomap` (ANISOMAP: McGregor, Polani and Dautenhahn 2011), `mds`, `tsne`, `spectral`, `umap`,
   `pacmap`, `phate`: of sensations, with the settings that their packages recommend;
@@ -15,13 +16,18 @@ packages are missing (`pip install umap-learn pacmap phate minisom`).
   by Isomap, which trusts high correlations only (as Modayil 2010), `information` by the information
   distance of readings in eight bins (Olsson, Nehaniv and Polani 2006);
 - `autoencoder`: its three middle units, a stand-in for Marcel, O'Regan and Hoffmann 2022;
+- `diffusion` maps and a `variational` autoencoder, of sensations (`rival_maps.py`);
+- `calibrated`: places of touches by the robot's own model, without an error: what a calibration
+  reaches at best. It alone is told the kinematics, and what touched what;
 - `random`: anywhere.
 
-Only ours use motor configurations. To help the rivals, each lays out by itself every part that our
-agent found; and those that lay out sensations do so twice: our target sensations (`targets`; each
-receptor is then handed in at the mean place of those in which it reads something, by the square of
-its reading, as with ours), and 1,500 random touches as they are (`touches`). Raw readings are
-calibrated by our import first. Seconds are of CPU time.
+Only ours and `calibrated` use motor configurations. To help the rivals, each lays out by itself
+every part that our agent found; and those that lay out sensations do so twice: our target
+sensations (`targets`; each receptor is then handed in at the mean place of those in which it reads
+something, by the square of its reading, as with ours), and 1,500 random touches as they are
+(`touches`). With `--plans`, `body_model` and `learned` plan between the recording's pairs, and so
+does every map of targets, by its shortest ways. Raw readings are calibrated by our import first.
+Seconds are of CPU time.
 """
 
 from __future__ import annotations
@@ -33,6 +39,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -43,7 +50,11 @@ from scipy.spatial.distance import cdist
 from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
 from sklearn.neural_network import MLPRegressor
 
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body_model.asking import ask_for_model
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.readings.found_touches import find_touches
+from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quotient import LEAST_OF_PART, QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
@@ -53,12 +64,15 @@ from selftouch_drake.run.submissions import find_recording, judge_submission
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
+from benchmarks.others.rival_maps import along_map, calibrated_places, diffusion, variational
 from benchmarks.shared.results import add_update_option, results
 
 #: Sensations `(n, S)` and a seed to places `(n, 3)`.
 Layout = Callable[[np.ndarray, int], np.ndarray]
 # Touches from which receptors are laid out, and networks learn, at most.
 _MOST_ROWS = 5000
+# Of a plan that is handed in.
+_INSTANTS = 1000
 
 
 class Way(NamedTuple):
@@ -176,7 +190,7 @@ def information(readings: np.ndarray, seed: int) -> np.ndarray:
     return scaled((apart + apart.T) / 2, seed)
 
 
-_OURS = ("learned", "sensorimotor", "motor", "literal")
+_OURS = ("body_model", "learned", "sensorimotor", "motor", "literal")
 _HERE, _LEARN = "written here from the paper, by ", "scikit-learn"
 WAYS: dict[str, Way] = {
     "isomap": Way("", _LEARN, isomap),
@@ -191,8 +205,11 @@ WAYS: dict[str, Way] = {
     "correlation": Way(_HERE, _LEARN, correlation, ("receptors",)),
     "near_correlation": Way(_HERE, _LEARN, near_correlation, ("receptors",)),
     "information": Way(_HERE, _LEARN, information, ("receptors",)),
+    "diffusion": Way(_HERE, "scipy", diffusion),
+    "variational": Way(_HERE, "numpy", variational, ("touches",)),
     "random": Way("written here, by ", _LEARN, anywhere, ("targets",)),
 }
+_ALL = (*_OURS, *WAYS, "calibrated")
 
 
 class Touches:
@@ -201,16 +218,20 @@ class Touches:
     def __init__(self, path: Path, size: int, options: argparse.Namespace):
         given = load_arrays(path)
         q, sensation = given["q"][:size], given["sensation"][:size]
-        self.path, self.size = path, size
+        self.q_of_pairs, self.pairs = given["q"], given["pairs"]
+        # Plans of fewer rows may begin at a touch that is not among them.
+        self.plans = options.plans and size >= len(given["q"])
+        self.path, self.size, self.seed = path, size, options.seed
         self.rows, self.q, self.felt = np.arange(len(q)), q, sensation
         if sensation.dtype.kind in "iu":
             felt = find_touches(q, sensation)
             self.rows, self.q, self.felt = felt.rows, felt.q, felt.sensation
-        began, seed = time.process_time(), options.seed
+        began = time.process_time()
         sizes = {"num_targets": options.targets, "max_kernel_size": 1000}
-        learned = learn(lambda: [(self.felt, self.q)], **sizes, seed=seed)
+        learned = learn(lambda: [(self.felt, self.q)], **sizes, seed=self.seed)
         self.representation: QuotientRepresentation = learned.representation
         self.seconds = time.process_time() - began
+        self.model_seconds = 0.0
         self.unit = self.felt / np.linalg.norm(self.felt, axis=1, keepdims=True)
         fragment = self.representation.part >= self.representation.num_parts
         self.target_part = np.where(fragment, -1, self.representation.part)
@@ -222,6 +243,103 @@ class Touches:
         part = np.where(felt.any(axis=0), self.target_part[felt.argmax(axis=0)], -1)
         weight = np.square(felt, dtype=float) * (self.target_part[:, None] == part)
         found = weight.T @ places / np.maximum(weight.sum(axis=0), 1e-12)[:, None]
+        return {"receptor_places": found, "parts": part}
+
+    @cached_property
+    def model(self) -> BodyModel:
+        """The body model that our agent finds, accepted or not."""
+        began, found = time.process_time(), self.representation
+        felt = kernel_sensations(found.kernel_row, [self.felt])
+        model = ask_for_model(found, felt, seed=self.seed)
+        self.model_seconds = time.process_time() - began
+        return model
+
+    def recovered(self, metric: str) -> tuple[np.ndarray, float]:
+        """`(K, 3)` places of the targets by the paper's representation, and seconds."""
+        began = time.process_time()
+        body = recover(self.representation, metric, seed=self.seed, holes=False)
+        spent = time.process_time() - began + self.seconds
+        return np.nan_to_num(body.positions), spent
+
+    def by_model(self, places: np.ndarray | None) -> dict[str, np.ndarray]:
+        """A hand-in of receptors by the body model.
+
+        On parts that it does not accept they are by `(K, 3)` places, which are needed where there
+        are such parts. The two never meet on one part: they have no frame in common.
+        """
+        found = self.model.receptors()
+        if places is None:
+            part = np.where(np.isfinite(found.place).all(axis=1), found.part, -1)
+            return {"receptor_places": np.nan_to_num(found.place), "parts": part}
+        other = self.by_targets(places)
+        accepted = np.append(self.model.accepted_by_part, False)  # the last one for part -1
+        known = accepted[found.part] & np.isfinite(found.place).all(axis=1)
+        part = np.where(accepted[other["parts"]], -1, other["parts"])
+        return {
+            "receptor_places": np.where(known[:, None], found.place, other["receptor_places"]),
+            "parts": np.where(known, found.part, part),
+        }
+
+    def imagined_touches(self) -> dict[str, np.ndarray]:
+        """A hand-in of all touches by the body model, those of parts that it accepts."""
+        target = assign(self.felt, self.representation.target_sensations)[0]
+        places = self.model.place(self.q.astype(float), target)
+        part = self.model.kernel_part[target]
+        known = self.model.accepted_by_part[part] & np.isfinite(places).all(axis=1)
+        return {"touch_places": places[known], "rows": self.rows[known], "parts": part[known]}
+
+    @cached_property
+    def agent(self) -> Agent:
+        """Our agent with its body model, if it accepts one."""
+        felt = kernel_sensations(self.representation.kernel_row, [self.felt])
+        return Agent.of(self.representation, kernel_sensation=felt, body_model=self.model)
+
+    def planned(self, way: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+        """`(P, T, J)` plans for the recording's pairs, each from `(J,)` to `(2,)` targets.
+
+        Where a touch of a pair is not known as one, the plan stays where it is.
+        """
+        number = np.full(int(self.pairs.max()) + 1, -1)
+        number[self.rows[self.rows < len(number)]] = np.flatnonzero(self.rows < len(number))
+        target = assign(self.felt, self.representation.target_sensations)[0]
+        plans = []
+        for first, last in self.pairs:
+            start = self.q_of_pairs[first].astype(float)
+            known = number[first] >= 0 and number[last] >= 0
+            ends = target[number[[first, last]]]
+            posture = way(start, ends) if known else start[None]
+            length = np.linalg.norm(np.diff(posture, axis=0), axis=1)
+            s = np.cumsum([0.0, *np.maximum(length, 1e-12)])
+            at = np.linspace(0.0, s[-1], _INSTANTS)
+            plans.append(np.stack([np.interp(at, s, joint) for joint in posture.T], axis=1))
+        return np.array(plans)
+
+    def by_agent(self, agent: Agent) -> np.ndarray:
+        """Plans of our agent, which nobody followed."""
+
+        def way(start: np.ndarray, ends: np.ndarray) -> np.ndarray:
+            try:
+                plan = agent.plan(int(ends[0]), int(ends[1]), q_start=start)
+            except ValueError:  # there is no way
+                return start[None]
+            return plan.path(np.linspace(0.0, plan.waypoint_s[-1], _INSTANTS))
+
+        return self.planned(way)
+
+    def over(self, places: np.ndarray) -> np.ndarray:
+        """Plans over a map of our target sensations."""
+        return self.planned(lambda start, ends: along_map(self.representation, places, start, ends))
+
+    def by_touches(self, handed: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """A hand-in of receptors by one of touches: each at the mean of those that it feels."""
+        felt = np.square(self.felt[np.searchsorted(self.rows, handed["rows"])], dtype=float)
+        of_part = (
+            np.eye(handed["parts"].max() + 1)[handed["parts"]] * (handed["parts"] >= 0)[:, None]
+        )
+        heard = felt.T @ of_part
+        part = np.where(heard.any(axis=1), heard.argmax(axis=1), -1)
+        weight = felt.T * (handed["parts"] == part[:, None])
+        found = weight @ handed["touch_places"] / np.maximum(weight.sum(axis=1), 1e-12)[:, None]
         return {"receptor_places": found, "parts": part}
 
     def handed_in(self, lay: Layout, of: str, seed: int) -> dict[str, np.ndarray]:
@@ -236,7 +354,9 @@ class Touches:
             return {"receptor_places": places, "parts": part}
         if of == "targets":
             targets = self.representation.target_sensations
-            return self.by_targets(in_parts(lay, targets, self.target_part, seed)[0])
+            places = in_parts(lay, targets, self.target_part, seed)[0]
+            plans = {"plans": self.over(places)} if self.plans else {}
+            return self.by_targets(places) | plans
         rows = np.sort(rows[:1500])
         places, part = in_parts(lay, self.unit[rows], self.part[rows], seed)
         return {"touch_places": places, "rows": self.rows[rows], "parts": part}
@@ -254,15 +374,42 @@ def in_parts(
     return places, kept
 
 
+def rows_of_model(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str, object]]:
+    """Rows of our agent with its body model, which it may not accept."""
+    print(touches.path.stem, touches.size, touches.model.reason, flush=True)
+    spent, places = touches.seconds + touches.model_seconds, None
+    if "touches" in options.of and touches.model.accepted_by_part.any():
+        yield row(touches, "body_model", "ours", "touches", touches.imagined_touches(), spent)
+    if not touches.model.accepted:
+        places, seconds = touches.recovered("learned")
+        spent = touches.model_seconds + seconds
+    handed = touches.by_model(places)
+    if touches.plans:
+        handed["plans"] = touches.by_agent(touches.agent)
+    yield row(touches, "body_model", "ours", "receptors", handed, spent)
+
+
 def rows_of(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str, object]]:
     seed = options.seed
     for way in options.ways:
+        if way == "body_model":
+            yield from rows_of_model(touches, options)
+            continue
         if way in _OURS:
+            places, spent = touches.recovered(way)
+            handed = touches.by_targets(places)
+            if touches.plans and way == "learned":
+                handed["plans"] = touches.by_agent(touches.agent.without_model())
+            yield row(touches, way, "ours", "targets", handed, spent)
+            continue
+        if way == "calibrated":
             began = time.process_time()
-            body = recover(touches.representation, way, seed=seed, holes=False)
-            spent = time.process_time() - began + touches.seconds
-            places = np.nan_to_num(body.positions)
-            yield row(touches, way, "ours", "targets", touches.by_targets(places), spent)
+            truth = load_arrays(touches.path.with_name(f"{touches.path.stem}.truth.npz"))
+            handed = calibrated_places(truth, touches.q, touches.rows)
+            spent = time.process_time() - began
+            code = "written here, by drake"
+            yield row(touches, way, code, "touches", handed, spent)
+            yield row(touches, way, code, "receptors", touches.by_touches(handed), spent)
             continue
         known = WAYS[way]
         try:
@@ -319,6 +466,9 @@ def row(
         "margin": figure("topology_margin", 1),
         "neighbours": figure("neighbour_agreement", 3),
         "judged": figure("judged_share", 3),
+        "contact": figure("unpractised_contact_mean", 3),
+        "contact_worst": figure("unpractised_contact_worst", 3),
+        "reached": figure("unpractised_reach_rate", 2),
         "cpu_s": round(seconds, 1),
         "code": code,
     }
@@ -354,9 +504,10 @@ def main() -> None:
         help="sizes: the first rows, or all if fewer",
     )
     parser.add_argument("--targets", type=int, default=300)
-    parser.add_argument("--ways", nargs="+", choices=(*_OURS, *WAYS), default=[*_OURS, *WAYS])
+    parser.add_argument("--ways", nargs="+", choices=_ALL, default=_ALL)
     of = ["targets", "touches", "receptors"]
     parser.add_argument("--of", nargs="+", choices=of, default=of, help="what rivals lay out")
+    parser.add_argument("--plans", action="store_true", help="where all rows are given, plan too")
     parser.add_argument("--seed", type=int, default=0, help="of all that is random in a method")
     add_update_option(parser, "rivals")
     options = parser.parse_args()

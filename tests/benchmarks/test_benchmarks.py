@@ -38,11 +38,9 @@ SMALL: dict[str, list[str]] = {
     "make/recordings": ["--bodies=raw", "--seeds=1", "--out={tmp}"],
     "others/rivals": [
         "torus_1",
-        "--touches=3000",
+        "--touches=600",
         "--targets=60",
-        "--ways",
-        "sensorimotor",
-        "isomap",
+        *("--ways", "body_model", "isomap", "diffusion", "variational", "calibrated"),
     ],
     "life/exploration": [
         "touches",
