@@ -14,7 +14,7 @@ import numpy as np
 from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.robot.contact import Touches
 from selftouch_drake.robot.robot import Robot
-from selftouch_drake.robot.soft_skin import add_load, feel_loads, is_clear, soft_skin, tets_near
+from selftouch_drake.robot.soft_skin import add_load, feel_loads, soft_skin, tets_near
 from selftouch_drake.robot.touchers import PATCH, rigid_mesh, triangles_in_frame
 
 # As in Drake, a piece counts if its normal and the gradient of the pressure are nearer than this.
@@ -82,7 +82,7 @@ def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total, once
     box, place, parts = np.empty(6), np.empty(3), np.empty(3)
     # `seen` holds the number of the last search that found each tetrahedron: each is listed once.
     tets, seen, look = np.empty(len(g), dtype=np.int64), np.zeros(len(g), dtype=np.int64), 0
-    load, patches = np.zeros(len(skin.weight_ends) - 1), np.empty(len(mesh.balls), dtype=np.int64)
+    load = np.zeros(len(skin.weight_ends) - 1)
     loaded = np.empty(len(load), dtype=np.int64)
     for r in range(len(rows)):
         # With literals, numba would compile the called functions twice; the same in `cut`.
@@ -90,10 +90,9 @@ def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total, once
         relative_pose(X_WL, row, skin_frame, mesh_frame, X)
         for i in range(4):
             total[r, i] = 0.0
-        for near in range(_patches_near(skin, mesh, X, patches)):
+        for patch in range(len(mesh.point_ends) - 1):
             if once and total[r, 0] != 0.0:
                 break
-            patch = patches[near]
             num_points = _place(mesh, patch, X, p, box)
             look += 1
             num_tets = tets_near(skin, box, look, seen, tets)
@@ -137,20 +136,6 @@ def relative_pose(X_WL, row, a, b, X_AB):
             for k in range(3):
                 away = X_WL[row, b, k, j] - (X_WL[row, a, k, 3] if j == 3 else 0.0)
                 X_AB[i, j] += X_WL[row, a, k, i] * away
-
-
-@inner
-def _patches_near(skin, mesh, X, patches):
-    """Lists the patches of a mesh that may meet a tetrahedron; returns how many there are."""
-    num = np.int64(0)
-    for group in range(len(mesh.group_balls)):
-        if is_clear(skin, X, mesh.group_balls, group):
-            continue
-        for patch in range(mesh.group_ends[group], mesh.group_ends[group + 1]):
-            if not is_clear(skin, X, mesh.balls, patch):
-                patches[num] = patch
-                num += 1
-    return num
 
 
 @inner

@@ -7,16 +7,12 @@ found among the few that may be the nearest to a point of a tetrahedron.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.geometry.triangles import counted
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.skins import SkinModel
-
-# m, upper bound of the rounding error of a place.
-_ROUNDING = 1e-6
 
 
 class SoftSkin(NamedTuple):
@@ -31,7 +27,6 @@ class SoftSkin(NamedTuple):
         shape: `(3,)` numbers of cells.
         cell_ends: `(cells + 1,)` where the tetrahedra of each cell start and end in `cell_tets`.
         cell_tets: the tetrahedra that meet each cell.
-        clearance: `(cells,)` m, no point of a cell is nearer than this to a tetrahedron.
         nearest_ends: `(T + 1,)` where the faces of each tetrahedron of the skin start and end in
             `nearest_faces`.
         nearest_faces: faces whose centroid may be the nearest to a point of that tetrahedron.
@@ -52,7 +47,6 @@ class SoftSkin(NamedTuple):
     shape: np.ndarray
     cell_ends: np.ndarray
     cell_tets: np.ndarray
-    clearance: np.ndarray
     nearest_ends: np.ndarray
     nearest_faces: np.ndarray
     centroid: np.ndarray
@@ -94,7 +88,6 @@ def soft_skin(skin: SkinModel, first_receptor: int = 0) -> SoftSkin:
         shape=shape,
         cell_ends=np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=shape.prod()))]),
         cell_tets=tet[np.argsort(cell, kind="stable")],
-        clearance=_clearance(np.bincount(cell, minlength=shape.prod()) > 0, shape, grid[3]),
         nearest_ends=nearest_ends,
         nearest_faces=nearest_faces,
         centroid=centroid,
@@ -137,30 +130,6 @@ def _cells_of_tets(
     highest = np.einsum("nki,ni->nk", planes[tet, :, :3], centre) + planes[tet, :, 3] + half[tet]
     meets = (highest >= 0).all(axis=1)
     return np.ravel_multi_index(tuple(at[meets].T), tuple(shape)), tet[meets]
-
-
-def _clearance(is_held: np.ndarray, shape: np.ndarray, edge: float) -> np.ndarray:
-    """`(cells,)` m, as in `SoftSkin`, by which cells `(cells,)` hold tetrahedra."""
-    apart = distance_transform_edt(~is_held.reshape(shape))
-    # Two points may be nearer than the middles of their cells, by a diagonal.
-    return edge * np.maximum(apart.ravel() - np.sqrt(3.0), 0.0)
-
-
-@compiled
-def is_clear(skin, X, balls, number):
-    """Whether a ball at a pose X `(3, 4)` in the skin's frame surely meets no tetrahedron."""
-    cell, beyond = np.int64(0), 0.0
-    reach = balls[number, 3] + _ROUNDING
-    for i in range(3):
-        place = X[i, 3] - skin.grid[i]
-        for k in range(3):
-            place += X[i, k] * balls[number, k]
-        end = skin.shape[i] * skin.grid[3]
-        within = min(max(place, 0.0), end)
-        beyond += (place - within) ** 2
-        cell = cell * skin.shape[i] + min(int(within / skin.grid[3]), skin.shape[i] - 1)
-    # From beyond the grid, its nearest point is nearer to all that is in it.
-    return beyond > reach * reach or skin.clearance[cell] > reach
 
 
 @inner

@@ -31,8 +31,6 @@ from selftouch_drake.robot.pairs import OwnGeometries, Toucher, WornSkin
 
 # Triangles in one patch, which is pressed on a skin at once; a ball is one patch.
 PATCH = 8
-# Patches in one group, of which a far one is left out at once.
-_GROUP = 8
 # Faces round a cylinder.
 _SECTIONS = 12
 # The triangles into which Drake cuts a ball of radius 1: corners on the axes.
@@ -45,7 +43,7 @@ _FINEST = 0.008
 
 
 class RigidMesh(NamedTuple):
-    """A toucher's triangles in its link's frame, in patches, and these in groups.
+    """A toucher's triangles in its link's frame, in patches.
 
     Attributes:
         points: `(P, 3)` m, corners, those of each patch together.
@@ -54,9 +52,6 @@ class RigidMesh(NamedTuple):
         face_ends: where the faces of each patch start and end.
         normals: `(F, 3)` unit vectors.
         areas: `(F,)` m², twice the area.
-        balls: `(patches, 4)` m, centre and radius of a ball that holds each patch.
-        group_ends: where the patches of each group start and end.
-        group_balls: `(groups, 4)` m, the same for each group.
     """
 
     points: np.ndarray
@@ -65,9 +60,6 @@ class RigidMesh(NamedTuple):
     face_ends: np.ndarray
     normals: np.ndarray
     areas: np.ndarray
-    balls: np.ndarray
-    group_ends: np.ndarray
-    group_balls: np.ndarray
 
 
 def add_toucher(
@@ -218,31 +210,14 @@ def rigid_mesh(vertices: np.ndarray, faces: np.ndarray) -> RigidMesh:
     own = [np.unique(faces[patch], return_inverse=True) for patch in patches]
     normals = _normals(vertices[faces[np.concatenate(patches)]])
     areas = np.linalg.norm(normals, axis=1)
-    points = vertices[np.concatenate([points for points, _ in own])]
-    point_ends = np.cumsum([0, *(len(points) for points, _ in own)])
-    # Successive patches lie together: each was halved until it was small enough.
-    group_ends = np.append(np.arange(0, len(own), _GROUP), len(own))
     return RigidMesh(
-        points=points,
-        point_ends=point_ends,
+        points=vertices[np.concatenate([points for points, _ in own])],
+        point_ends=np.cumsum([0, *(len(points) for points, _ in own)]),
         faces=np.concatenate([local.reshape(-1, 3) for _, local in own]),
         face_ends=np.cumsum([0, *(len(patch) for patch in patches)]),
         normals=normals / areas[:, None],
         areas=areas,
-        balls=_balls(points, point_ends),
-        group_ends=group_ends,
-        group_balls=_balls(points, point_ends[group_ends]),
     )
-
-
-def _balls(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """`(n, 4)` m, centres and radii of balls, each of which holds a slice of `(P, 3)` points."""
-    found = np.empty((len(ends) - 1, 4))
-    for ball, start, stop in zip(found, ends, ends[1:], strict=False):
-        low, high = points[start:stop].min(axis=0), points[start:stop].max(axis=0)
-        ball[:3] = (low + high) / 2
-        ball[3] = np.linalg.norm(points[start:stop] - ball[:3], axis=1).max()
-    return found
 
 
 def _normals(corners: np.ndarray) -> np.ndarray:
