@@ -14,7 +14,7 @@ PARTS = {
     *("accuracy/agent_trials", "accuracy/made_up_bodies"),
     *("cost/ompl_planner", "cost/peers", "cost/questions"),
     *("accuracy/revolute", "accuracy/unrolling", "others/foreign_bodies"),
-    "others/nao_scores",
+    *("others/nao_scores", "others/rival_maps"),
     *("shared/babbled", "shared/numbers_in_source", "shared/raw_skin", "shared/results"),
 }
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.

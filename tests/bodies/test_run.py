@@ -55,7 +55,7 @@ def test_its_life_is_shown_as_curves_without_what_needs_a_truth(finished):
         in done.stderr
     )
     life = load_arrays(finished / "life.npz")
-    assert life["block_touches"].tolist() == list(range(100, 2001, 100))
+    assert life["block_touches"].tolist() == list(range(50, 2001, 50))
     assert life["coverage"][-1] == 1
     assert np.isnan(life["error"]).all()
     assert np.isnan(life["contact"]).all()
@@ -75,4 +75,4 @@ def test_an_environment_lives(tmp_path):
     done = selftouch("live", tmp_path / "env.yaml", "--out", tmp_path / "run", "--no-page")
     assert done.status == 0, done.stderr
     life = load_arrays(tmp_path / "run" / "life.npz")
-    assert life["block_touches"].tolist() == list(range(100, 1001, 100))
+    assert life["block_touches"].tolist() == list(range(50, 1001, 50))
