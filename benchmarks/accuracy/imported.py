@@ -103,15 +103,22 @@ def lists(rows: np.ndarray) -> pa.Array:
     return pa.FixedSizeListArray.from_arrays(pa.array(rows.reshape(-1)), rows.shape[1])
 
 
-def contact(agent: Agent, world: World) -> np.ndarray:
-    """Shares of the length of random plans on which a perfect skin is touched."""
-    rng, shares = np.random.default_rng(0), []
+def contact(agent: Agent, world: World) -> tuple[np.ndarray, int]:
+    """How random plans touch a perfect skin, and how many lift off.
+
+    The share of each plan's length on which it means to touch that does; time in the air is not
+    lost contact.
+    """
+    rng, shares, lifts = np.random.default_rng(0), [], 0
     for _ in range(NUM_PLANS):
         start, goal = rng.choice(agent.representation.num_targets, 2, replace=False)
         plan = agent.plan(int(start), int(goal))
-        felt = world.probe.sensations(plan.path(np.linspace(*plan.path.t[[0, -1]], 500)))
-        shares.append(np.mean(felt.any(axis=1)))
-    return np.array(shares)
+        s = np.linspace(*plan.path.t[[0, -1]], 500)
+        meant = plan.touching(s)
+        lifts += not meant.all()
+        felt = world.probe.sensations(plan.path(s[meant])).any(axis=1)
+        shares.append(felt.mean() if meant.any() else 1.0)
+    return 100 * np.array(shares), lifts
 
 
 def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metric: str) -> str:
@@ -128,16 +135,16 @@ def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metri
     known = agent.representation
     truth = kernel_truth(known, contacts[felt.rows[known.kernel_row]], world.receptor_skin)
     errors = shape_errors(body.positions, known.part, truth)
-    part, held = body.parts[0], 100 * contact(agent, world)
-    imagined = 100 * contact(imagining, world)
+    part = body.parts[0]
+    held, lifts = contact(agent, world)
+    imagined, imagined_lifts = contact(imagining, world)
     holes = "" if part.topology is None else " ".join(map(str, part.topology.betti))
     margin = "" if part.topology is None else f"{part.topology.margin:.1f}"
     return (
         f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
         f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {body.metric} "
-        f"| {held.mean():.1f} % | {held.min():.0f} % | {seconds:.0f} s "
-        f"| {model.held_out[0]:.2f}{' (rejected)' if not model.accepted else ''} "
-        f"| {imagined.mean():.1f} % | {imagined.min():.0f} % | {modelled:.0f} s |"
+        f"| {held.mean():.1f} % | {held.min():.0f} % | {lifts} | {seconds:.0f} s "
+        f"| {model.held_out[0]:.2f} | {imagined.mean():.1f} % | {imagined.min():.0f} % | {imagined_lifts} | {modelled:.0f} s |"
     )
 
 
@@ -164,9 +171,9 @@ def main() -> None:
             print(rows[-1], flush=True)
     print(
         "\n| skin | touches | false | shape error | holes | margin | dimension | metric "
-        "| contact | worst | time | near | imagined | worst | time |"
+        "| contact | worst | lift off | time | near | imagined | worst | lift off | time |"
     )
-    print("|---" * 15 + "|")
+    print("|---" * 17 + "|")
     print("\n".join(rows))
 
 
