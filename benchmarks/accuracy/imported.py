@@ -144,7 +144,8 @@ def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metri
         f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
         f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {body.metric} "
         f"| {held.mean():.1f} % | {held.min():.0f} % | {lifts} | {seconds:.0f} s "
-        f"| {model.held_out[0]:.2f} | {imagined.mean():.1f} % | {imagined.min():.0f} % | {imagined_lifts} | {modelled:.0f} s |"
+        f"| {model.held_out[0]:.2f} | {imagined.mean():.1f} % | {imagined.min():.0f} % "
+        f"| {imagined_lifts} | {modelled:.0f} s |"
     )
 
 
