@@ -46,7 +46,6 @@ from selftouch_drake.run.artifacts import (
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import SHARDS_AHEAD, InTurn, map_ahead
-from selftouch_drake.run.imported import timed
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import touch_metrics, warn_of_changes
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
@@ -314,6 +313,8 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
 
 
 def _planned_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
+    from selftouch_drake.run.imported import timed  # with all readers of recordings
+
     imported = run.experiment.imported
     assert imported is not None
     agent = load_agent(run, predicts=True)
