@@ -33,17 +33,11 @@ from selftouch_drake.robot import World
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
+from benchmarks.life.mending import RIGHT as OF_CHAIN
 from benchmarks.life.mending import changes
 
 #: What a change is to be called.
-RIGHT = {
-    "turned": Change.TURNED_SKIN,
-    "slipped": Change.SKIN,
-    "stretched": Change.STRETCHED_SKIN,
-    "link": Change.LINK,
-    "joint": Change.ZERO,
-    "nothing": None,
-}
+RIGHT = {**OF_CHAIN, "nothing": None}
 #: Two changes at once that are tried, and tools: metres from where the fingertip touches.
 PAIRS = ("joint+link", "joint+slipped", "joint+stretched", "slipped+link")
 TOOLS = ([0.06, 0.0, 0.0], [0.02, 0.05, 0.0], [0.0, 0.0, -0.08])

@@ -284,15 +284,7 @@ def _of_model(model: BodyModel | None, joint: int) -> dict:
         JointKind.SLIDES: "slides",
         JointKind.OPEN: "turns or slides",
     }[kind]
-    columns = slice(3, 6) if kind == JointKind.SLIDES else slice(0, 3)
-    axis, sigma = model.twists[joint, columns], model.twist_sigma[joint, columns]
-    size = float(np.linalg.norm(axis))
-    if size == 0:
-        return {"kind": said, "error_deg": np.nan}
-    # Across the axis there are two directions.
-    along = np.square(sigma) @ np.square(axis / size)
-    across = np.sqrt(max(float(np.square(sigma).sum() - along), 0.0) / 2)
-    return {"kind": said, "error_deg": float(np.degrees(across / size))}
+    return {"kind": said, "error_deg": model.axis_errors(joint)[0]}
 
 
 def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:

@@ -144,10 +144,10 @@ def _joint_row(model: BodyModel, joint: int) -> tuple[str, ...]:
         return name, _KINDS[kind], *[""] * (len(JOINT_COLUMNS) - 2)
     # Of the twist, what says where the axis points.
     columns = slice(3, 6) if kind == JointKind.SLIDES else slice(0, 3)
-    along, sigma = model.twists[joint, columns], model.twist_sigma[joint, columns]
+    along = model.twists[joint, columns]
     size = float(np.linalg.norm(along))
     direction = along / size if size else np.full(3, np.nan)
-    across_deg, per_reading = _standard_errors(direction, size, sigma)
+    across_deg, per_reading = model.axis_errors(joint)
     above = int(model.joint_parent[joint])
     unit = "" if kind == JointKind.SLIDES else " rad"
     return (
@@ -159,15 +159,6 @@ def _joint_row(model: BodyModel, joint: int) -> tuple[str, ...]:
         "unknown" if np.isnan(across_deg) else f"{across_deg:.2g}°",
         _open(model, joint),
     )
-
-
-def _standard_errors(direction: np.ndarray, size: float, sigma: np.ndarray) -> tuple[float, float]:
-    """Of the direction of an axis, in degrees, and of what the joint does per reading."""
-    if not size or not np.isfinite(sigma).all():
-        return np.nan, np.nan
-    along = float(np.sqrt(np.square(direction) @ np.square(sigma)))
-    across = np.sqrt(max(float(np.square(sigma).sum()) - along**2, 0.0) / 2.0)
-    return float(np.degrees(across / size)), along
 
 
 def _open(model: BodyModel, joint: int) -> str:

@@ -461,10 +461,8 @@ def judge_part(
 def judge_parts(scene: Scene, tests: Scene, solution: Solution) -> dict[int, Judgement]:
     """The judgement of each part; one whose joints others have proved is asked less."""
     verdicts = {part: judge_part(scene, tests, solution, part) for part in scene.parts}
-    proved = set[int]()
-    for part, verdict in verdicts.items():
-        if verdict.accepted:
-            proved |= _joints_to(scene, part)
+    accepted = [part for part, verdict in verdicts.items() if verdict.accepted]
+    proved = set[int]().union(*(_joints_to(scene, part) for part in accepted))
     for part, verdict in verdicts.items():
         if not verdict.accepted and _joints_to(scene, part) <= proved:
             verdicts[part] = judge_part(scene, tests, solution, part, proved=True)

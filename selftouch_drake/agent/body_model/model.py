@@ -320,6 +320,23 @@ class BodyModel(Record):
         off[(self.kernel_part != part) | np.isnan(off)] = np.inf
         return int(off.argmin())
 
+    def axis_errors(self, joint: int) -> tuple[float, float]:
+        """Standard errors of a joint's axis; NaN where they are unknown.
+
+        Returns:
+            Degrees, of its direction, each way across it; and of what the joint does per unit of
+            its reading.
+        """
+        # Of the twist, what says where the axis points.
+        columns = slice(3, 6) if self.joint_kind[joint] == JointKind.SLIDES else slice(0, 3)
+        axis, sigma = self.twists[joint, columns], self.twist_sigma[joint, columns]
+        size = float(np.linalg.norm(axis))
+        if not size or not np.isfinite(sigma).all():
+            return np.nan, np.nan
+        along = float(np.sqrt(np.square(axis / size) @ np.square(sigma)))
+        across = np.sqrt(max(float(np.square(sigma).sum()) - along**2, 0.0) / 2.0)
+        return float(np.degrees(across / size)), along
+
     def receptors(self) -> Receptors:
         """The receptors in the order of the readings."""
         return Receptors(

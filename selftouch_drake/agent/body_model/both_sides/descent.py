@@ -23,11 +23,11 @@ from selftouch_drake.compiled import compiled, inner, inner_in_any_order
 
 F = np.float32
 # Scatter of single pairs about the grain, as a logarithm: most are within a factor of 1.7.
-_SCATTER = 0.35
+SCATTER = 0.35
 # Weight of the grain for each receptor, and of receptors that lie too near, relative to it.
-_GRAIN, _TOO_NEAR = 3.0, 0.5
+GRAIN, TOO_NEAR = 3.0, 0.5
 # Costs of coefficients, of the points on axes, and of a unit that is not 1.
-_COEFFICIENT, _CENTRE, _UNIT = 0.02, 0.002, 500.0
+COEFFICIENT, CENTRE, UNIT = 0.02, 0.002, 500.0
 # Twice the weight of a posture.
 _POSTURE = F(2)
 # Losses are told in hundreds.
@@ -287,19 +287,19 @@ def _unit(row, data, draws, room):
 @inner
 def _grain(end, data, draws, room, unit):
     """Loss of a skin's grain, its slope by the unit, and slopes in place of `room.off`."""
-    off, weight = room.off[end], _GRAIN * data.number[end]
+    off, weight = room.off[end], GRAIN * data.number[end]
     drawn = off.shape[1]
     loss, by_unit = 0.0, 0.0
     for kind in range(2):
         for i in range(drawn):
-            u = (off[kind, i] - unit) / _SCATTER
+            u = (off[kind, i] - unit) / SCATTER
             root = math.sqrt(1 + u * u)
             loss += weight * (root - 1) / (2 * drawn)
-            slope = weight * u / (root * _SCATTER) / (2 * drawn)
+            slope = weight * u / (root * SCATTER) / (2 * drawn)
             by_unit -= slope
             off[kind, i] = slope
     for i in range(drawn):
-        lacking, slope = unit - off[2, i], _TOO_NEAR * weight / _SCATTER / drawn
+        lacking, slope = unit - off[2, i], TOO_NEAR * weight / SCATTER / drawn
         if len(data.far) == 0 or lacking <= 0:
             off[2, i] = 0
             continue
@@ -333,13 +333,13 @@ def _costs(row, data, inverse_unit2, slopes):
     for end in range(len(data.size)):
         if data.number[end] > 0:
             for i in range(data.offset[end] + 3, data.offset[end] + 3 * data.size[end]):
-                cost += _COEFFICIENT * row[i] * row[i] * inverse_unit2
-                slopes[i] += 2 * _COEFFICIENT * row[i] * inverse_unit2
+                cost += COEFFICIENT * row[i] * row[i] * inverse_unit2
+                slopes[i] += 2 * COEFFICIENT * row[i] * inverse_unit2
     for joint in range(num_joints):
         if data.used[joint]:
             for i in range(3 * (num_joints + joint), 3 * (num_joints + joint) + 3):
-                cost += _CENTRE * row[i] * row[i] * inverse_unit2
-                slopes[i] += 2 * _CENTRE * row[i] * inverse_unit2
+                cost += CENTRE * row[i] * row[i] * inverse_unit2
+                slopes[i] += 2 * CENTRE * row[i] * inverse_unit2
     return cost, -2 * cost
 
 
@@ -368,8 +368,8 @@ def _loss(row, order, data, draws, sigma, room, slopes, parts):
         loss += own
         by_inverse += slope
     cost, by_unit = _costs(row, data, inverse_unit2, slopes)
-    loss += cost + _UNIT * unit * unit
-    by_unit += 2 * _UNIT * unit - 2 * inverse * by_inverse
+    loss += cost + UNIT * unit * unit
+    by_unit += 2 * UNIT * unit - 2 * inverse * by_inverse
     for end in range(len(data.size)):
         if data.number[end] > 0:
             own, slope = _grain(end, data, draws, room, unit)

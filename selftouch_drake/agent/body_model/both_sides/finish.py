@@ -154,7 +154,7 @@ class Cost:
         unit = self._unit(row)[1]
         moved = np.eye(len(row)) - np.outer(lengths, unit)
         gradient, normal = moved.T @ gradient, moved.T @ normal @ moved
-        return total, gradient, normal + 2 * descent._UNIT * np.outer(unit, unit)
+        return total, gradient, normal + 2 * descent.UNIT * np.outer(unit, unit)
 
     def _unit(self, row: np.ndarray) -> tuple[float, np.ndarray]:
         """Mean logarithm by which skins are larger than their grain, and its slope."""
@@ -242,18 +242,18 @@ class Cost:
         begin, size = int(self._data.offset[end]), int(self._data.size[end])
         columns = np.arange(begin, begin + 3 * size)
         place = basis @ row[columns].reshape(-1, 3)
-        number = descent._GRAIN * len(basis)
+        number = descent.GRAIN * len(basis)
         off, by = _log_distances(place, basis, skin.near, slopes=slopes)
         off = off - skin.spacing
-        scaled = off / descent._SCATTER
+        scaled = off / descent.SCATTER
         root = np.sqrt(1 + scaled**2)
         cost = float(number * (skin.weight * (root - 1)).sum())
-        weight = number * skin.weight / root / descent._SCATTER**2
+        weight = number * skin.weight / root / descent.SCATTER**2
         yield cost, _Rows(weight * off, weight, columns, by) if slopes else None
         if len(skin.far):
             apart, by = _log_distances(place, basis, skin.far, slopes=slopes)
             lacking = np.maximum(-apart, 0)
-            each = descent._TOO_NEAR * number / descent._SCATTER / len(skin.far)
+            each = descent.TOO_NEAR * number / descent.SCATTER / len(skin.far)
             some = np.flatnonzero(lacking > 0)
             own = lacking[some]
             weight = each / np.maximum(own, _CORNER)
@@ -267,9 +267,9 @@ class Cost:
         weight = np.zeros(len(row))
         for end in np.flatnonzero(data.number):
             begin = int(data.offset[end])
-            weight[begin + 3 : begin + 3 * int(data.size[end])] = descent._COEFFICIENT
+            weight[begin + 3 : begin + 3 * int(data.size[end])] = descent.COEFFICIENT
         for joint in np.flatnonzero(data.used):
-            weight[3 * (count + joint) : 3 * (count + joint) + 3] = descent._CENTRE
+            weight[3 * (count + joint) : 3 * (count + joint) + 3] = descent.CENTRE
         columns = np.flatnonzero(weight)
         own, value = weight[columns], row[columns]
         cost = float((own * value**2).sum())
