@@ -27,12 +27,15 @@ class Plan(MotorPath, Record):
         in_air: `(W - 1,)` bool, steps through the air, from one touch (or none) to another.
         modes: `(W - 1,)` the mode of the touches on each step along links; `NO_MODE` of others.
         imagined: `(W,)` bool, waypoints between two touches, where the agent only expects one.
+        doubts: what may go wrong on it as the agent imagines, in words; empty where it sees nothing
+            that may, or has no body model to see it with.
     """
 
     links: np.ndarray
     in_air: np.ndarray
     modes: np.ndarray
     imagined: np.ndarray
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         num = self.nodes.size

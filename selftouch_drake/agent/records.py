@@ -1,7 +1,7 @@
 """Records of arrays: checked when they are made, and saved as one flat dictionary by name."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, Self, get_origin, get_type_hints
 
 import numpy as np
@@ -65,11 +65,17 @@ class Record:
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
         """Inverse of `to_arrays`; other names are ignored.
 
+        A field with a default may be missing, as in files from before there was such a field.
+
         Raises:
             ValueError: an array is missing or does not fit the others; the text names it.
         """
         types = get_type_hints(cls)
-        names = [field.name for field in fields(cls)]  # type: ignore[arg-type]
+        names = [
+            field.name
+            for field in fields(cls)  # type: ignore[arg-type]
+            if field.default is MISSING or cls.prefix + field.name in arrays
+        ]
         return cls(**{name: _restored(cls.prefix + name, types[name], arrays) for name in names})
 
     def check_arrays(self, shapes: Mapping[str, tuple[int | None, ...]]) -> None:

@@ -107,6 +107,8 @@ def plan(directory: "RunDirectory", targets: list) -> None:
     else:
         motion = _plan_in_a_body(directory, targets, q_start)
     click.echo(f"route: {route_in_words(motion)}\nduration: {motion.time_s[-1]:.2f} s")
+    for doubt in motion.plan.doubts:
+        click.echo(f"doubt: {doubt}; nobody has followed this plan")
     path = directory.plan(*targets)
     click.echo(f"plan: {path}\njoint trajectory: {path.with_suffix('.csv')}")
 

@@ -65,7 +65,7 @@ def test_arrays_and_back_are_the_same(plan, motion, execution):
 
 def test_the_names_are_those_of_the_files(execution):
     assert set(execution.to_arrays()) == {
-        *("nodes", "links", "in_air", "modes", "imagined", "waypoints_q", "waypoint_s"),
+        *("nodes", "links", "in_air", "modes", "imagined", "waypoints_q", "waypoint_s", "doubts"),
         *("path_knots", "path_control"),
         *("time_s", "s", "q", "v", "predicted", "predicted_spread"),
         *("felt", "q_measured", "v_measured", "torque"),
@@ -126,6 +126,13 @@ def test_what_is_missing_is_named(execution, name):
     del arrays[name]
     with pytest.raises(ValueError, match=f"^{name} is missing$"):
         Execution.from_arrays(arrays)
+
+
+def test_a_file_from_before_there_were_doubts_has_none(plan):
+    arrays = dataclasses.replace(plan, doubts=("contact may be lost",)).to_arrays()
+    assert Plan.from_arrays(arrays).doubts == ("contact may be lost",)
+    del arrays["doubts"]
+    assert Plan.from_arrays(arrays).doubts == ()
 
 
 @pytest.mark.parametrize("knots", [np.zeros(2), np.zeros((6, 1)), np.array(["x"] * 6)])

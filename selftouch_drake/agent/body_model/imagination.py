@@ -83,9 +83,19 @@ class Leg:
     beside: bool = False
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """What may go wrong on it, as the agent imagines."""
+        may_be = {
+            "contact may be lost": self.error > _MISSED,
+            "own parts may run into each other": self.deep > 0.0,
+            "something else may be felt beside the goal": self.beside,
+        }
+        return tuple(what for what, is_likely in may_be.items() if is_likely)
+
+    @property
     def good(self) -> bool:
         """Whether it keeps contact, own parts apart and feels its goal, as the agent imagines."""
-        return self.error <= _MISSED and self.deep <= 0.0 and not self.beside
+        return not self.doubts
 
     @property
     def cost(self) -> float:
@@ -448,6 +458,7 @@ class Imagination:
             waypoints_q=waypoints_q,
             waypoint_s=path_length(passed)[at],
             path=path,
+            doubts=tuple(dict.fromkeys(doubt for leg in legs for doubt in leg.doubts)),
         )
 
 

@@ -6,7 +6,7 @@ Also here: what it remembers of a try under dynamics (naive).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -131,6 +131,8 @@ def _checked(
     while True:
         last_run = dry_run(plan, slider)
         if not len(last_run.doubtful) and not misses(plan, last_run, agent.representation):
+            if plan.doubts:  # it was followed
+                plan = replace(plan, doubts=())
             return Practised(agent=agent, unpractised=unpractised, plan=plan, dry_run=last_run)
         if len(last_run.impossible):
             apart += _APART

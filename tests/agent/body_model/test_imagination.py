@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body_model import own_parts
 from selftouch_drake.agent.body_model.chain import derivatives, slopes
-from selftouch_drake.agent.body_model.imagination import Imagination
+from selftouch_drake.agent.body_model.imagination import Imagination, Leg
 from selftouch_drake.agent.body_model.lift import Lifter
 from selftouch_drake.agent.body_model.own_parts import OwnParts
 from selftouch_drake.agent.body_model.reach import Reach
@@ -136,6 +136,21 @@ def test_imagined_plans_keep_contact_though_nobody_followed_them(cube, imaginati
     assert np.mean(contact) > 0.9
     assert np.mean(reached) >= 6 / 8
     assert np.mean(errors) < 0.05
+
+
+def test_a_plan_says_what_may_go_wrong(cube, imagination, monkeypatch):
+    leg = Leg(x=np.zeros((2, 6)), node=np.zeros(2, dtype=int))
+    assert leg.good
+    assert not leg.doubts
+    worse = dataclasses.replace(leg, error=0.2, deep=0.1)
+    assert worse.doubts == ("contact may be lost", "own parts may run into each other")
+    assert not worse.good
+    representation, _, _ = cube
+    q, start, goal = next(starts(representation, 1))
+    assert imagination.plan(q, start, [goal]).doubts == ()
+    monkeypatch.setattr(Imagination, "_deep", lambda *_: 0.1)
+    doubts = imagination.plan(q, start, [goal, start]).doubts
+    assert doubts == ("own parts may run into each other",)
 
 
 def test_pressure_makes_a_touch_stronger(cube, imagination, still):
