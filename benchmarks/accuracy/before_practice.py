@@ -11,8 +11,9 @@ starts in several ways, and judged by the experimenter without dynamics: contact
 goals felt, postures and plans in which rigid parts overlap, perfect plans (contact throughout, the
 goal felt, no overlap), the path on the true skin over the shortest (median and worst), motion of
 the joints, prediction error, milliseconds of processor time for a plan with times and prediction,
-plans that leave the skin on purpose (their time in the air is not lost contact), and the share of
-the plans that the model knew a way for.
+plans that leave the skin on purpose (their time in the air is not lost contact), the share of
+the plans that the model knew a way for, and how many plans had doubts, how many of these were not
+perfect, and how many of the others.
 
 Ways: `imagined` and `paper` as above; `checked` is an imagined plan after practice, `practised` one
 of the paper after it; `no_...` are `practised` without one of the methods of practice, or without
@@ -59,6 +60,7 @@ class Row(NamedTuple):
     seconds: float
     lifts_off: bool
     imagined: bool
+    doubted: bool
 
     @property
     def perfect(self) -> bool:
@@ -69,7 +71,7 @@ class Row(NamedTuple):
 Pairs = list[tuple[int, int]]
 
 #: Where practice found no way, nothing is touched.
-NO_WAY = Row(0.0, False, 0.0, np.nan, 0.0, np.nan, np.nan, False, False)
+NO_WAY = Row(0.0, False, 0.0, np.nan, 0.0, np.nan, np.nan, False, False, False)
 
 
 def run_of(name: str, seed: int, folder: Path, changes: str) -> RunDirectory:
@@ -142,22 +144,26 @@ def planned(agent: Agent, bodies: Bodies, run: RunDirectory, pairs: Pairs, *, pr
             seconds=seconds,
             lifts_off=bool(plan.in_air.any()),
             imagined=plan.is_imagined,
+            doubted=bool(plan.doubts),
         )
 
 
 def printed(name: str, way: str, rows: list[Row]) -> None:
     """One line of figures."""
-    values = np.array([row[:-1] for row in rows], dtype=float)
-    contact, reached, overlap, over, motion, error, seconds, lifts = values.T
+    values = np.array(rows, dtype=float)
+    contact, reached, overlap, over, motion, error, seconds, lifts, imagined, doubted = values.T
+    failed = np.array([not row.perfect for row in rows])
+    sure = doubted == 0
     known = over[np.isfinite(over)]
     paths = f"{np.median(known):5.2f} / {known.max():5.2f}" if len(known) else "    -        "
     print(
         f"{name:>16} {way:>10} {len(rows):4d} {100 * contact.mean():6.2f} / "
         f"{100 * contact.min():5.1f} {100 * reached.mean():5.0f} {100 * overlap.mean():7.2f} "
-        f"({np.sum(overlap > 0):d}) {100 * np.mean([row.perfect for row in rows]):6.0f} {paths} "
+        f"({np.sum(overlap > 0):d}) {100 * np.mean(~failed):6.0f} {paths} "
         f"{np.median(motion):6.2f} {np.nanmean(error):8.4f} {1e3 * np.nanmedian(seconds):6.0f} / "
         f"{1e3 * np.nanquantile(seconds, 0.95):4.0f} {lifts.sum():5.0f} "
-        f"{100 * np.mean([row.imagined for row in rows]):5.0f}",
+        f"{100 * imagined.mean():8.0f} {doubted.sum():7.0f} ({failed[~sure].sum():d}) "
+        f"{failed[sure].sum():d}",
         flush=True,
     )
 
@@ -177,7 +183,7 @@ def main() -> None:
     print(
         f"{'':>16} {'way':>10} {'num':>4} {'contact, worst':>15} {'goals':>5} {'overlaps':>11} "
         f"{'perfect':>6} {'path, worst':>13} {'motion':>6} {'error':>8} {'ms, 95 %':>13} "
-        f"{'lifts':>5} imagined"
+        f"{'lifts':>5} imagined doubted (failed), others"
     )
     for name in args.names:
         if Path(name).is_dir():
