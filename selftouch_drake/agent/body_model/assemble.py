@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.body_model.judge import Judgement
 from selftouch_drake.agent.body_model.model import BASE, UNUSED, BodyModel, JointKind, Receptors
 from selftouch_drake.agent.body_model.receptor_places import middles_of_fields
-from selftouch_drake.agent.body_model.refine import moved_by
+from selftouch_drake.agent.body_model.refine import moved_by, place_slopes
 from selftouch_drake.agent.body_model.scene import (
     Scene,
     Solution,
@@ -230,7 +230,10 @@ def _covariance(found: Found, motion: np.ndarray) -> np.ndarray:
     solution, spread = found.solution, found.spread
     rows = np.arange(len(found.scene.q))[:: 1 + len(found.scene.q) // _MEASURED]
     scene, share = found.scene.some(rows), solution.share[rows]
-    base, size = _parameters(found, solution, motion), _log_size(scene, solution, share)
+    base, growth = (
+        _parameters(found, solution, motion),
+        _growth(scene, solution, share, len(spread)),
+    )
     known = np.flatnonzero(np.isfinite(np.diag(spread))[: len(base)])
     is_length = np.arange(len(base)) % 6 > 2
     is_length[solution.twists.size :] = True
@@ -239,9 +242,8 @@ def _covariance(found: Found, motion: np.ndarray) -> np.ndarray:
         step = np.zeros(len(spread))
         step[entry] = _STEP
         moved = moved_by(solution, step)
-        grown = _log_size(scene, moved, share) - size
-        slope[:, column] = _parameters(found, moved, motion) - base - grown * is_length * base
-    slope /= _STEP
+        slope[:, column] = (_parameters(found, moved, motion) - base) / _STEP
+    slope -= np.outer(is_length * base, growth[known])
     covariance = slope @ spread[np.ix_(known, known)] @ slope.T
     out = [joint not in found.tree.parent for joint in range(len(solution.twists))]
     lost = np.flatnonzero(np.concatenate([np.repeat(out, 6), np.zeros(3 * len(solution.points))]))
@@ -262,14 +264,38 @@ def _parameters(found: Found, solution: Solution, motion: np.ndarray) -> np.ndar
     return np.concatenate([twists.ravel(), np.ravel(points)])
 
 
-def _log_size(scene: Scene, solution: Solution, share: np.ndarray) -> float:
-    """Logarithm of what `normalizing` makes 1, by `(n, U)` shares of the scene's touches."""
-    kept = np.flatnonzero(share.sum(axis=1) > 0.5)
-    Y = solution_places(scene, solution)[share[kept].argmax(axis=1), kept]
+def _growth(scene: Scene, solution: Solution, share: np.ndarray, size: int) -> np.ndarray:
+    """What each parameter adds to the logarithm of what `normalizing` makes 1.
+
+    Args:
+        scene: some touches.
+        solution: of these and others.
+        share: `(n, U)` who made them.
+        size: of all parameters, in the order of `Equations`.
+    """
+    growth = np.zeros(size)
+    kept, best = share.sum(axis=1) > 0.5, share.argmax(axis=1)
+    pairs = []
+    for part, toucher in scene.ways:
+        rows = scene.rows(part)
+        rows = rows[kept[rows] & (best[rows] == toucher)]
+        if len(rows):
+            pairs.append((rows, *place_slopes(scene, solution, rows, part, toucher)))
+    if not pairs:
+        return growth  # All touches are outliers.
+    rows = np.concatenate([of_pair[0] for of_pair in pairs])
+    places = np.concatenate([of_pair[1] for of_pair in pairs])
     number = len(scene.part)
-    count = np.bincount(scene.target[kept], minlength=number)
-    place = kernel_sums(Y, scene.target[kept], number)[count > 0] / count[count > 0, None]
-    return float(0.5 * np.log(np.square(place - place.mean(axis=0)).sum(axis=1).mean()))
+    count = np.bincount(scene.target[rows], minlength=number)
+    touched = count > 0
+    place = np.zeros((number, 3))
+    place[touched] = kernel_sums(places, scene.target[rows], number)[touched]
+    place[touched] /= count[touched, None]
+    away = np.where(touched[:, None], place - place[touched].mean(axis=0), 0.0)
+    away /= np.square(away).sum() * np.maximum(count, 1)[:, None]
+    for own, _, slope, columns in pairs:
+        growth[columns] += np.einsum("na,nap->p", away[scene.target[own]], slope)
+    return growth
 
 
 def _receptors(

@@ -67,7 +67,7 @@ def equations(scene: Scene, solution: Solution) -> Equations:
                 (
                     kept,
                     solution.share[kept, toucher],
-                    *_slopes(scene, solution, kept, part, toucher),
+                    *place_slopes(scene, solution, kept, part, toucher),
                 )
             )
         if not solved:
@@ -105,8 +105,14 @@ def equations(scene: Scene, solution: Solution) -> Equations:
     return Equations(gradient, hessian - tall.T @ tall, scores)
 
 
-def _slopes(scene, solution, rows, part, toucher):
-    """Places, `(n, 3, m)` derivatives by m parameters, and the `(m,)` columns of these."""
+def place_slopes(
+    scene: Scene, solution: Solution, rows: np.ndarray, part: int, toucher: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`(n, 3)` places of a toucher at some touches of a part, and what they depend on.
+
+    Also `(n, 3, m)` derivatives by m parameters, and `(m,)` which of all parameters these are, in
+    the order of `Equations`.
+    """
     way = scene.ways[part, toucher]
     arrays = way_arrays(scene, solution.twists, rows, way)
     q, twists, signs = arrays
