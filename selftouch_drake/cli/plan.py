@@ -107,8 +107,8 @@ def plan(directory: "RunDirectory", targets: list) -> None:
     else:
         motion = _plan_in_a_body(directory, targets, q_start)
     click.echo(f"route: {route_in_words(motion)}\nduration: {motion.time_s[-1]:.2f} s")
-    for doubt in motion.plan.doubts:
-        click.echo(f"doubt: {doubt}; nobody has followed this plan")
+    for line in doubts_in_words(motion):
+        click.echo(line)
     path = directory.plan(*targets)
     click.echo(f"plan: {path}\njoint trajectory: {path.with_suffix('.csv')}")
 
@@ -193,6 +193,11 @@ def route_in_words(motion: "Motion") -> str:
     if felt_again:
         lines.append("*: felt again, in another posture")
     return "\n       ".join(lines)
+
+
+def doubts_in_words(motion: "Motion") -> list[str]:
+    """A line for each thing that may go wrong, as the agent imagines."""
+    return [f"doubt: {doubt}; nobody has followed this plan" for doubt in motion.plan.doubts]
 
 
 def tracking_in_words(execution: "Execution", world: "World | None") -> str:

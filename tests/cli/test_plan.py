@@ -8,7 +8,7 @@ import numpy as np
 from commands import files_below, refused, selftouch
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.cli.plan import route_in_words, tracking_in_words
+from selftouch_drake.cli.plan import doubts_in_words, route_in_words, tracking_in_words
 
 
 def test_stages_one_by_one(finished_run, tmp_path):
@@ -140,3 +140,10 @@ def test_tracking_is_given_in_the_unit_of_each_joint():
     assert tracking(world(mixed, [0, 0, 0]), off) == "3.0 mrad, 2.0 mm"
     assert tracking(world(mixed, [0.003, 0, -0.003]), off) == "0.0 mrad, 2.0 mm"
     assert tracking(None, 0.0126) == "0.013"  # no unit is known
+
+
+def test_what_may_go_wrong_is_said():
+    motion = SimpleNamespace(plan=SimpleNamespace(doubts=("contact may be lost",)))
+    assert doubts_in_words(motion) == [
+        "doubt: contact may be lost; nobody has followed this plan",
+    ]
