@@ -22,7 +22,7 @@ MEASURE_NOTHING = {
     *("make/drawings", "make/mutants", "make/notebooks", "make/pictures", "make/taken_home"),
 }
 #: What they measure on is fetched by who runs them.
-ON_DATA_OF_OTHERS = {"others/babybench", "others/motoman", "others/nao"}
+ON_DATA_OF_OTHERS = {"others/babybench", "others/foreign_points", "others/motoman", "others/nao"}
 FEW = ("--touches=3000", "--targets=60")
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes,
 #: `{run}` a run that has learned.
