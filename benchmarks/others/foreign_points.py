@@ -4,10 +4,10 @@
 
 The body model takes a toucher for a point, and gives it a surface only at the end. Here links stand
 where PyBullet puts them, touches go to the nearest of some points that the hand carries, and points
-and places of kernels are fitted in turn: nothing that is found from touches alone can be better.
-*Near* is the share of touches nearer to the place of their own kernel than kernels are to each
-other; 88 % are needed for a model to be accepted. *Place* is the error of touches against where
-their receptors lie, in % of the skin's extent.
+and places of kernels are fitted in turn, which may end beside the best. *Near* is the share of
+touches nearer to the place of their own kernel than kernels are to each other, of all touches and
+not of held-out ones as where a model is judged, which needs 88 %. *Place* is the error of touches
+against where their receptors lie, in % of the skin's extent.
 """
 
 from __future__ import annotations
