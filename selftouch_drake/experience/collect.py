@@ -141,7 +141,8 @@ def keep_touches(
             last_touch = num_steps + int(kept[-1])
         num_steps += len(felt.q)
         if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
-            raise _nothing_touched(num_steps - last_touch, touches)
+            never_possible = 0 if num_kept else num_impossible
+            raise _nothing_touched(num_steps - last_touch, touches, never_possible)
     if not num_kept:
         raise NeverTouchesError(
             f"babbling touched nothing in {robot_s(body) - began:.0f} s of the robot's time; give "
@@ -162,10 +163,15 @@ def keep_touches(
     )
 
 
-def _nothing_touched(num_steps: int, touches: Felt) -> NeverTouchesError:
-    """The error of a walk without a touch in so many steps."""
+def _nothing_touched(num_steps: int, touches: Felt, num_impossible: int) -> NeverTouchesError:
+    """The error of a walk without a touch in so many steps, but for impossible ones."""
     of_drake = hasattr(touches, "contacts")
     how = "`selftouch robot EXPERIMENT --show`" if of_drake else "`selftouch body EXPERIMENT`"
+    if num_impossible:
+        return NeverTouchesError(
+            f"babbling touched nothing in {num_steps} steps but in {num_impossible} postures that "
+            f"the body cannot take, because parts of it run into each other; see which with {how}"
+        )
     return NeverTouchesError(
         f"babbling touched nothing in {num_steps} steps; see what can touch what with {how}, or "
         "make babbling.step_size larger"

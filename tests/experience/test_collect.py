@@ -284,6 +284,17 @@ def test_a_walk_that_stops_touching_is_reported(experiment, monkeypatch):
         collect_walk(Scripted(batch), experiment, 0, 2)
 
 
+def test_touches_in_impossible_postures_alone_are_said(experiment, monkeypatch):
+    def batch():
+        felt = np.zeros((1000, 3))
+        felt[::100] = 1.0
+        return Felt(q=np.zeros((1000, 6)), sensation=felt, reached=np.zeros(1000, bool))
+
+    monkeypatch.setattr(collect_module, "PATIENCE", 3000)
+    with pytest.raises(NeverTouchesError, match="in 3000 steps but in 30 postures that the body"):
+        collect_walk(Scripted(batch), experiment, 0, 2)
+
+
 def every_third_is_impossible():
     """Touches in every step."""
     rows = np.arange(30.0)
