@@ -38,9 +38,6 @@ _LARGER, _LARGE = 3, 256
 _STAY, _BRED = 0.25, 0.5
 # Neighbours of a chain are tried so often at most, from so many chains of the population.
 _MOST_PASSES, _CHAINS, _POPULATIONS = 10, 2, 2
-# Populations of few touches, most of whose chains are wrong: two of 50 touches led to the body in
-# three of six tries, four in five.
-_OF_FEW = 4
 # A neighbour is taken if its criterion is better by this much; each further joint must earn more.
 _GAIN, _EARNED = 0.05, 0.1
 #: Fewer touches are not looked at.
@@ -322,14 +319,14 @@ def pruned(search: Search, group: Group | Smooth, body: Bodies) -> Bodies:
 def found_chains(search: Search, group: Group | Smooth, joints: Sequence[int]) -> Iterator[Bodies]:
     """One body after another: chains of a population, led on by their neighbours, and polished.
 
-    Whoever asks stops when one is good. Each two come from a population of their own.
+    Whoever asks stops when one is good. The second half comes from a population of its own.
 
     Args:
         search: what to work on.
         group: touches of one toucher on one part.
         joints: that may matter.
     """
-    for _ in range(_OF_FEW if isinstance(group, Smooth) else _POPULATIONS):
+    for _ in range(_POPULATIONS):
         chains = population(search, group, joints)
         for number in range(min(_CHAINS, len(chains))):
             body = improved(search, group, chains.pick([number]), joints)
