@@ -99,7 +99,7 @@ def frames(name: str, seed: int, numbers: list[int]) -> tuple[list[Frame], np.nd
     for number in numbers:
         some = np.ascontiguousarray(q[:number].T.astype(np.float32))
         found = found_by_sensation(
-            Search(some, np.random.default_rng(seed)),
+            Search(some, np.random.default_rng(seed), scale=np.ones(q.shape[1])),
             q[:number].astype(float),
             csr_array(shard.sensation[:number].astype(float)),
             list(range(q.shape[1])),

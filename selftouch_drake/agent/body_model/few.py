@@ -1,7 +1,9 @@
 """A chain from few touches: found by what they feel like, judged by touches left out in turn.
 
 Below some thousand touches a kernel has a few members at most, and its label says little. The
-search is that of kernels, with sensations in place of labels (`smoothness`).
+search is that of kernels, with sensations in place of labels (`smoothness`). What joints read has
+no unit that is known; but few touches say more if all joints turn alike by what they read, and
+whether they do, touches tell.
 """
 
 from dataclasses import dataclass
@@ -9,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.cluster.vq import kmeans2
 from scipy.sparse import csr_array
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.body_model import structure
 from selftouch_drake.agent.body_model.chain import places
@@ -32,8 +35,10 @@ FEWEST, MOST = 40, 2000
 SLIDES, SLIDE_COST = 0.2, 0.05
 #: Below this turn, in radians, turning and sliding look alike.
 OPEN = 0.6
-# Touches that a search and a finish look at.
+# Touches that a search and a finish look at; and how much more noise a search takes for granted,
+# as more of it makes false optima fewer.
 _SEARCHED, _FINISHED = 256, 1000
+_SEARCHED_NOISE = 3.0
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
 # steps at most.
 _FOLDS, _REFITTED = 5, 30
@@ -61,6 +66,7 @@ class FewFound:
         place: `(n, 3)` of the touches, as their sensations say it.
         judgement: by touches left out.
         spread: `(6 J + 3, 6 J + 3)` covariance of twists and point; NaN for joints left out.
+        alike: whether all joints turn alike by what they read, as far as touches say.
     """
 
     order: list[int]
@@ -71,8 +77,11 @@ class FewFound:
     place: np.ndarray
     judgement: Judgement
     spread: np.ndarray
+    alike: bool
 
 
+# Matrices of few touches are small: threads that share in one wait for each other.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def found_by_sensation(
     search: Search, q: np.ndarray, sensation: csr_array, joints: list[int]
 ) -> FewFound | None:
@@ -91,22 +100,25 @@ def found_by_sensation(
     sensed, q = all_sensed.some(used), q[used]
     precision = sensed.precision()
     some = np.sort(search.random.permutation(len(used))[:_SEARCHED])
-    group = Smooth(used[some], sensed.some(some).precision())
+    group = Smooth(used[some], sensed.some(some).precision(_SEARCHED_NOISE))
     labels = neighbourhoods(sensed, search.random)
-    best: tuple[list[int], SmoothChain, Judgement] | None = None
+    best: tuple[list[int], SmoothChain, np.ndarray | None, Judgement] | None = None
     for body in structure.found_chains(search, group, joints):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
-        chain = finished(q[:, order], precision, rough)
-        verdict = left_out_in_turn(q[:, order], sensed, labels, chain)
+        unit = None if search.scale is None else search.scale[order]
+        chain, unit = turning_alike(
+            q[:, order], precision, finished(q[:, order], precision, rough), unit
+        )
+        verdict = left_out_in_turn(q[:, order], sensed, labels, chain, unit=unit)
         if best is None or verdict.accepted or chain.criterion < best[1].criterion:
-            best = order, chain, verdict
+            best = order, chain, unit, verdict
         if verdict.accepted:
             break
     if best is None:
         return None
-    order, chain, verdict = best
-    chain, kinds = _kinds(q[:, order], precision, chain)
+    order, chain, unit, verdict = best
+    chain, kinds = _kinds(q[:, order], precision, chain, unit)
     kind = np.full(q.shape[1], int(JointKind.UNUSED))
     kind[order] = kinds
     twists = np.zeros((q.shape[1], 6))
@@ -114,10 +126,33 @@ def found_by_sensation(
     place = places(q[:, order], chain.twists, chain.point)
     return FewFound(
         order=order, twists=twists, point=chain.point, kind=kind,
-        swaps=_swap_costs(q, precision, order, chain),
+        swaps=_swap_costs(q, precision, order, chain, unit),
         place=sensed.predicted(place, all_sensed), judgement=verdict,
-        spread=_spread(q, precision, order, chain, kinds),
+        spread=_spread(q, precision, order, chain, kinds, unit), alike=unit is not None,
     )  # fmt: skip
+
+
+def turning_alike(
+    q: np.ndarray, precision: np.ndarray, chain: SmoothChain, unit: np.ndarray | None
+) -> tuple[SmoothChain, np.ndarray | None]:
+    """The chain whose joints turn alike by what they read, if the free one earns no more (BIC).
+
+    Args:
+        q: `(n, L)` standardised readings of its joints.
+        precision: `(n, n)` of the places.
+        chain: each of whose joints turns as far as it may.
+        unit: `(L,)` how far q turns joints that read alike; None if that is not known.
+
+    Returns:
+        The chain, and the unit; None if the joints do not turn alike.
+    """
+    if unit is None:
+        return chain, None
+    alike = finished(q, precision, chain, unit=unit)
+    earned = len(q) * (alike.criterion - chain.criterion)
+    if earned > (len(unit) - 1) * np.log(len(q)):
+        return chain, None
+    return alike, unit
 
 
 def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
@@ -127,14 +162,19 @@ def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
     return kmeans2(np.sqrt(sensed.share), number, minit="++", seed=seed, missing="warn")[1]
 
 
-def needed_for(num_joints: int) -> tuple[int, int]:
-    """Parameters of a chain, and touches that its judgement needs."""
-    parameters = _OF_JOINT * num_joints + 3 - _OF_SIMILARITY
+def needed_for(num_joints: int, *, alike: bool = False) -> tuple[int, int]:
+    """Parameters of a chain, whose joints may turn alike, and touches that its judgement needs."""
+    parameters = _OF_JOINT * num_joints + 3 - _OF_SIMILARITY - alike * (num_joints - 1)
     return parameters, TOUCHES_PER_PARAMETER * parameters
 
 
 def left_out_in_turn(
-    q: np.ndarray, sensed: Sensed, labels: np.ndarray, chain: SmoothChain
+    q: np.ndarray,
+    sensed: Sensed,
+    labels: np.ndarray,
+    chain: SmoothChain,
+    *,
+    unit: np.ndarray | None = None,
 ) -> Judgement:
     """Judges a chain by touches that it did not see: it is fitted anew without each fifth of them.
 
@@ -146,8 +186,9 @@ def left_out_in_turn(
         sensed: what the touches feel like.
         labels: `(n,)` neighbourhoods.
         chain: of all touches.
+        unit: `(L,)` of joints that turn alike, as in `finished`.
     """
-    parameters, needed = needed_for(len(chain.twists))
+    parameters, needed = needed_for(len(chain.twists), alike=unit is not None)
     if len(q) < needed:
         return unproven(
             f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)", 0
@@ -157,7 +198,7 @@ def left_out_in_turn(
     for left_out in range(_FOLDS):
         train, test = np.flatnonzero(fold != left_out), np.flatnonzero(fold == left_out)
         seen = sensed.some(train)
-        again = finished(q[train], seen.precision(), chain, _REFITTED)
+        again = finished(q[train], seen.precision(), chain, _REFITTED, unit=unit)
         place = places(q, again.twists, again.point)
         expected = seen.predicted(place[train], sensed.some(test))
         middle = kernel_medians(place[train], labels[train], int(labels.max()) + 1, least=2)
@@ -194,7 +235,7 @@ def left_out_in_turn(
 
 
 def _kinds(
-    q: np.ndarray, precision: np.ndarray, chain: SmoothChain
+    q: np.ndarray, precision: np.ndarray, chain: SmoothChain, unit: np.ndarray | None
 ) -> tuple[SmoothChain, list[int]]:
     """Which joints turn, slide, or leave it open; those that slide do not turn at all."""
     turn = np.linalg.norm(chain.twists[:, :3], axis=1) * np.ptp(q, axis=0)
@@ -209,7 +250,7 @@ def _kinds(
             slides = np.array([kind == JointKind.SLIDES for kind in kinds])
             slides[joint] = True
             trial = finished(
-                q, precision, SmoothChain(straight, chain.point, np.inf), slides=slides
+                q, precision, SmoothChain(straight, chain.point, np.inf), slides=slides, unit=unit
             )
             if trial.criterion - chain.criterion < SLIDE_COST:
                 chain, kinds[joint] = trial, int(JointKind.SLIDES)
@@ -217,7 +258,11 @@ def _kinds(
 
 
 def _swap_costs(
-    q: np.ndarray, precision: np.ndarray, order: list[int], chain: SmoothChain
+    q: np.ndarray,
+    precision: np.ndarray,
+    order: list[int],
+    chain: SmoothChain,
+    unit: np.ndarray | None,
 ) -> np.ndarray:
     """`(L - 1,)` what it costs that neighbours change places."""
     cost = np.zeros(max(len(order) - 1, 0))
@@ -225,18 +270,24 @@ def _swap_costs(
         swapped = np.arange(len(order))
         swapped[[index, index + 1]] = index + 1, index
         other = SmoothChain(chain.twists[swapped], chain.point, np.inf)
-        there = finished(q[:, np.array(order)[swapped]], precision, other, _REFITTED)
+        its = None if unit is None else unit[swapped]
+        there = finished(q[:, np.array(order)[swapped]], precision, other, _REFITTED, unit=its)
         cost[index] = there.criterion - chain.criterion
     return cost
 
 
 def _spread(
-    q: np.ndarray, precision: np.ndarray, order: list[int], chain: SmoothChain, kinds: list[int]
+    q: np.ndarray,
+    precision: np.ndarray,
+    order: list[int],
+    chain: SmoothChain,
+    kinds: list[int],
+    unit: np.ndarray | None,
 ) -> np.ndarray:
     """`(6 J + 3, 6 J + 3)` covariance, for all joints of the readings."""
     slides = np.array([kind == JointKind.SLIDES for kind in kinds])
     own = [6 * joint + entry for joint in order for entry in range(6)]
     own += [6 * q.shape[1] + axis for axis in range(3)]
     result = np.full((6 * q.shape[1] + 3,) * 2, np.nan)
-    result[np.ix_(own, own)] = spread(q[:, order], precision, chain, slides=slides)
+    result[np.ix_(own, own)] = spread(q[:, order], precision, chain, slides=slides, unit=unit)
     return result

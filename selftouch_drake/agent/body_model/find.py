@@ -131,7 +131,7 @@ def find_body_model(
             f"body ({least} needed)."
         )
     tick = _Ticks(progress)
-    search = Search(touches.single(), np.random.default_rng(seed), each, tick)
+    search = Search(touches.single(), np.random.default_rng(seed), each, tick, touches.scale)
     if sensation is not None and number <= few.MOST:
         when = touches.when(sequence)
         moved = moved_together(touches.q[when])

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from selftouch_drake.agent.body_model import few
 from selftouch_drake.agent.body_model.asking import ask_for_model, kernel_of_rows
 from selftouch_drake.agent.body_model.find import find_body_model
-from selftouch_drake.agent.body_model.model import BodyModel, JointKind
+from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.records import Record
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.quotient.sensations import assign, target_sensations
@@ -34,8 +34,8 @@ class Growth(Record):
         accepted: `(M,)` parts of the skin on which left-out touches agreed with the model.
         parts: `(M,)` parts that the skin then had.
         parent: `(M, J)` the joint that carries each joint, as in `BodyModel`.
-        axis_sigma: `(M, J)` degrees, standard error of the direction of each axis; NaN if the joint
-            is not used.
+        axis_sigma: `(M, J)` degrees, standard error of the direction of each axis, each way across
+            it; NaN if the joint is not used.
         receptors: `(M,)` 0 to 1, share of all receptors that had a place on an accepted part.
         receptor_sigma: `(M,)` median standard error of their places, as a share of the radius of
             the skin that they are on; NaN without any.
@@ -60,7 +60,7 @@ class Growth(Record):
             accepted=np.array([model.accepted_by_part.sum() for _, model in models]),
             parts=np.array([len(model.accepted_by_part) for _, model in models]),
             parent=np.array([model.joint_parent for _, model in models]),
-            axis_sigma=np.array([axis_errors(model) for _, model in models]),
+            axis_sigma=np.array([_axis_errors(model) for _, model in models]),
             receptors=np.array([share for share, _ in placed]),
             receptor_sigma=np.array([sigma for _, sigma in placed]),
         )
@@ -100,19 +100,11 @@ def _after(number: int | None) -> str:
     return "not yet" if number is None else f"after {number:,}"
 
 
-def axis_errors(model: BodyModel) -> np.ndarray:
-    """`(J,)` degrees, standard error of the direction of each axis; NaN if it is not used."""
-    errors = np.full(len(model.joint_names), np.nan)
-    for joint in np.flatnonzero(model.used):
-        own = slice(3, 6) if model.joint_kind[joint] == JointKind.SLIDES else slice(0, 3)
-        along, first = model.twists[joint, own], 6 * joint + own.start
-        length = float(np.linalg.norm(along))
-        if length == 0:
-            continue
-        across = np.eye(3) - np.outer(along, along) / length**2
-        spread = model.covariance[first : first + 3, first : first + 3]
-        errors[joint] = np.degrees(np.sqrt(np.trace(across @ spread @ across)) / length)
-    return errors
+def _axis_errors(model: BodyModel) -> list[float]:
+    """Of all joints, in degrees each way across the axis; NaN for those that are not used."""
+    return [
+        model.axis_errors(joint)[0] if uses else np.nan for joint, uses in enumerate(model.used)
+    ]
 
 
 def _placed(model: BodyModel) -> tuple[float, float]:

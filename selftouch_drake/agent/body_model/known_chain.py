@@ -48,6 +48,7 @@ class KnownChain:
         q: `(n, J)` readings in the touches that it was fitted to.
         sensed: what they felt like.
         strength: `(n,)` greatest reading in each.
+        alike: whether its joints turn alike by what they read.
     """
 
     joints: list[int]
@@ -58,6 +59,12 @@ class KnownChain:
     q: np.ndarray
     sensed: Sensed
     strength: np.ndarray
+    alike: bool = False
+
+    @property
+    def unit(self) -> np.ndarray | None:
+        """`(L,)` how far standardised readings turn its joints, if they turn alike."""
+        return self.scale[self.joints] if self.alike else None
 
     @property
     def radius(self) -> float:
@@ -78,7 +85,7 @@ class KnownChain:
             self.standard(q), self.chain.twists, self.chain.point
         )
         slope = np.concatenate([by_twist.reshape(len(q), 3, -1), by_point], axis=2)
-        return place, slope @ tangent(self.chain, self.slides)
+        return place, slope @ tangent(self.chain, self.slides, self.unit)
 
     def misplaced(self, q: np.ndarray, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far the chain takes the toucher from where sensations say; its own touches say where.
@@ -120,8 +127,9 @@ class KnownChain:
         """The chain as `(n, J)` readings and `(n, S)` sensations have it, from where it was."""
         sensed = Sensed.of(csr_array(sensation))
         chain = finished(
-            self.standard(q), sensed.precision(), self.chain, _TAKEN_IN, slides=self.slides
-        )
+            self.standard(q), sensed.precision(), self.chain, _TAKEN_IN, slides=self.slides,
+            unit=self.unit,
+        )  # fmt: skip
         return replace(self, chain=chain, q=q, sensed=sensed, strength=sensation.max(axis=1))
 
 
@@ -165,7 +173,9 @@ class ChainLearner:
         spread = spread_out(known.places(known.q), len(known.q) // 2)
         sensed = known.sensed.some(spread)
         labels = few.neighbourhoods(sensed, np.random.default_rng(self._seed))
-        verdict = few.left_out_in_turn(known.standard(known.q[spread]), sensed, labels, known.chain)
+        verdict = few.left_out_in_turn(
+            known.standard(known.q[spread]), sensed, labels, known.chain, unit=known.unit
+        )
         return verdict.accepted
 
 
@@ -174,7 +184,7 @@ def found_chain(q: np.ndarray, sensation: np.ndarray, *, seed: int = 0) -> Known
     readings = StandardReadings.of(q)
     if not readings.moving:
         return None
-    search = Search(readings.single(), np.random.default_rng(seed))
+    search = Search(readings.single(), np.random.default_rng(seed), scale=readings.scale)
     felt = csr_array(sensation)
     found = few.found_by_sensation(search, readings.q, felt, readings.moving)
     if found is None or not found.judgement.accepted:
@@ -188,6 +198,7 @@ def found_chain(q: np.ndarray, sensation: np.ndarray, *, seed: int = 0) -> Known
         q=q,
         sensed=Sensed.of(felt),
         strength=sensation.max(axis=1),
+        alike=found.alike,
     )
 
 

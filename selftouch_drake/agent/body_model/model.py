@@ -328,14 +328,15 @@ class BodyModel(Record):
             its reading.
         """
         # Of the twist, what says where the axis points.
-        columns = slice(3, 6) if self.joint_kind[joint] == JointKind.SLIDES else slice(0, 3)
-        axis, sigma = self.twists[joint, columns], self.twist_sigma[joint, columns]
+        own = slice(3, 6) if self.joint_kind[joint] == JointKind.SLIDES else slice(0, 3)
+        axis, rows = self.twists[joint, own], np.arange(6 * joint, 6 * joint + 6)[own]
+        errors = self.covariance[np.ix_(rows, rows)]
         size = float(np.linalg.norm(axis))
-        if not size or not np.isfinite(sigma).all():
+        if not size or not np.isfinite(errors).all():
             return np.nan, np.nan
-        along = float(np.sqrt(np.square(axis / size) @ np.square(sigma)))
-        across = np.sqrt(max(float(np.square(sigma).sum()) - along**2, 0.0) / 2.0)
-        return float(np.degrees(across / size)), along
+        along = max(float(axis @ errors @ axis) / size**2, 0.0)
+        across = max(float(np.trace(errors)) - along, 0.0) / 2.0
+        return float(np.degrees(np.sqrt(across) / size)), float(np.sqrt(along))
 
     def receptors(self) -> Receptors:
         """The receptors in the order of the readings."""

@@ -30,6 +30,10 @@ from selftouch_drake.agent.body_model.fit import (
 _SEARCH_TAIL = 20.0
 # A population: its size, rounds, and how many bodies of one ancestor go on.
 _POPULATION, _ROUNDS, _RELATIVES = 64, 5, 3
+# So many times more where few touches make a body cheap, and its order hard to find: of 50 touches
+# of three cubes one population found the body in 12 of 18 tries, one of 64 in 8. From so many
+# touches on it is not larger.
+_LARGER, _LARGE = 3, 256
 # Share of a population that stays, and that is bred from it; the rest is drawn anew.
 _STAY, _BRED = 0.25, 0.5
 # Neighbours of a chain are tried so often at most, from so many chains of the population.
@@ -57,12 +61,14 @@ class Search:
         random: source of all randomness.
         each: maps blocks of bodies.
         tick: called before each descent.
+        scale: `(J,)` standard deviations of the readings; None if they are not known.
     """
 
     q: np.ndarray
     random: np.random.Generator
     each: Each = map
     tick: Callable[[], None] = lambda: None
+    scale: np.ndarray | None = None
 
     @property
     def num_joints(self) -> int:
@@ -142,25 +148,28 @@ def population(
     """
     random = search.random
     how = Descent(steps=250, tail=_SEARCH_TAIL)
+    size = _POPULATION
+    if isinstance(group, Smooth):
+        size = int(size * np.clip(_LARGE / len(group.rows), 1, _LARGER))
 
     def fresh(number: int) -> Bodies:
         orders = [chain_way(random.permutation(joints)) for _ in range(number)]
         return random_bodies([[way] for way in orders], search.num_joints, 1, random)
 
-    bodies = fresh(2 * _POPULATION)
+    bodies = fresh(2 * size)
     ancestor = np.arange(len(bodies))
     born = len(bodies)
     for turn in range(rounds):
         bodies = search.descended([group], bodies, how)
-        stay = _best_of_families(bodies, ancestor, int(_STAY * _POPULATION))
+        stay = _best_of_families(bodies, ancestor, int(_STAY * size))
         if turn == rounds - 1 or _agreed(bodies, ancestor):
             break
-        bred = stay[np.minimum(random.geometric(0.12, int(_BRED * _POPULATION)) - 1, len(stay) - 1)]
+        bred = stay[np.minimum(random.geometric(0.12, int(_BRED * size)) - 1, len(stay) - 1)]
         children = bodies.pick(bred)
         seen = {way[0] for way in bodies.ways}
         for child in range(len(children)):
             _mutate(children, child, seen, random)
-        number = _POPULATION - len(stay) - len(bred)
+        number = size - len(stay) - len(bred)
         bodies = Bodies.joined([bodies.pick(stay), children, fresh(number)])
         ancestor = np.concatenate([ancestor[stay], ancestor[bred], born + np.arange(number)])
         born += number

@@ -7,6 +7,7 @@ import pytest
 from hand_made_chains import an_arm, misfit, sample
 
 from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.few import turning_alike
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.fit import Descent, Smooth, descended, random_bodies
 from selftouch_drake.agent.body_model.model import JointKind
@@ -16,6 +17,7 @@ from selftouch_drake.agent.body_model.smoothness import (
     criterion,
     finished,
     spread,
+    tangent,
     without_pitch,
 )
 
@@ -109,6 +111,26 @@ def test_the_finish_is_no_screw_and_holds_what_slides():
     assert np.linalg.matrix_rank(covariance, tol=1e-9 * np.trace(covariance)) == 3 * 5 + 3 + 3 - 7
 
 
+def test_joints_turn_alike_unless_touches_say_that_they_do_not():
+    q, sensation, _, _ = sample(100)
+    precision = Sensed.of(sensation).precision()
+    twists, point = an_arm()
+    for factor, alike in ((np.ones(4), True), (np.array([1, 1.3, 1, 1]), False)):
+        read = q * factor
+        scale = read.std(axis=0)
+        standard = (read - read.mean(axis=0)) / scale
+        begin = SmoothChain(twists * (scale / factor)[:, None], point, np.inf)
+        free = finished(standard, precision, begin)
+        chain, unit = turning_alike(standard, precision, free, scale)
+        assert (unit is not None) == alike
+        if alike:
+            far = np.linalg.norm(chain.twists[:, :3], axis=1) / scale
+            np.testing.assert_allclose(far, far[0], rtol=1e-9)
+            # Each joint but one has a parameter less.
+            still = np.zeros(4, dtype=bool)
+            assert tangent(chain, still, unit).shape[1] == tangent(chain, still).shape[1] - 3
+
+
 #: Joints in another order, in other units.
 ORDER, UNIT = [2, 0, 3, 1], np.array([57.3, 1, -100, 1])
 
@@ -168,7 +190,8 @@ def test_too_few_are_said_to_be_too_few():
     model = found(q[:39], sensation[:39])
     assert model.reason.startswith("39 touches of 4 moving joints are too few to look for a body")
     assert "(40 needed)" in model.reason
-    model = found(q[:45], sensation[:45])
+    # Joints that turn alike have three parameters less.
+    model = found(q[:45] * UNIT, sensation[:45])
     assert not model.accepted
     assert "45 touches are too few for 16 parameters (48 needed)" in model.reason
 

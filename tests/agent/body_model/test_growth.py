@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hand_made_chains import ArmOnBall
 
-from selftouch_drake.agent.body_model.growth import GrowingModel, Growth, axis_errors
+from selftouch_drake.agent.body_model.growth import GrowingModel, Growth
 
 NAN = float("nan")
 
@@ -83,5 +83,6 @@ def test_an_axis_is_as_unsure_as_directions_drawn_from_its_covariance(grown):
     w, random = model.twists[joint, :3], np.random.default_rng(0)
     drawn = random.multivariate_normal(w, model.covariance[own, own], 4000)
     cosine = drawn @ w / np.linalg.norm(drawn, axis=1) / np.linalg.norm(w)
-    off = np.degrees(np.sqrt(np.mean(np.arccos(np.clip(cosine, -1, 1)) ** 2)))
-    assert axis_errors(model)[joint] == pytest.approx(off, rel=0.05)
+    off = np.degrees(np.sqrt(np.mean(np.arccos(np.clip(cosine, -1, 1)) ** 2) / 2))
+    assert model.axis_errors(joint)[0] == pytest.approx(off, rel=0.05)
+    assert grown.growth.axis_sigma[-1, joint] == model.axis_errors(joint)[0]

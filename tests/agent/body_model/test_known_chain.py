@@ -120,6 +120,8 @@ def test_half_is_for_the_joints_and_half_for_the_skin(known, monkeypatch):
 
 def test_informative_touches_make_joints_surer_than_others(arm, known):
     q, sensation, y = arm
+    # Joints that turn alike are surer by that than by touches.
+    known = replace(known, alike=False)
     pool = np.arange(160, 1000)
     best = pool[informative(known, q[pool], 30, np.random.default_rng(0))]
     assert len(set(best.tolist())) == 30

@@ -66,7 +66,7 @@ def chain_of(joints, twists, point, sensation):
     return FewFound(
         order=list(joints), twists=twists, point=point, kind=np.ones(6, dtype=int),
         swaps=np.full(2, np.inf), place=np.zeros((sensation.shape[0], 3)),
-        judgement=unproven("", 0), spread=np.full((39, 39), np.nan),
+        judgement=unproven("", 0), spread=np.full((39, 39), np.nan), alike=False,
     )  # fmt: skip
 
 
