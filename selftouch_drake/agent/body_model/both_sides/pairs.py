@@ -6,12 +6,13 @@ in which sense, is told by how the readings of touches are distributed.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from selftouch_drake.agent.body_model.both_sides.limbs import ends_of_limbs
 from selftouch_drake.agent.body_model.both_sides.recordings import (
     Layout,
     Recording,
@@ -80,13 +81,21 @@ def paired(recordings: Sequence[Recording], layout: Layout) -> Layout:
         layout: its limbs.
     """
     best, found = np.inf, layout
-    kinds = _kinds(recordings, layout)
-    for first, second in itertools.permutations(layout.limbs, 2):
-        alone = any(
-            first in (limbs := _limbs(one, layout)) and second not in limbs for one in recordings
-        )
-        if kinds[first] != kinds[second] or not alone:
+    ends = ends_of_limbs(recordings, layout.holder)
+    kinds = {name: (ends[name], len(joints)) for name, joints in layout.limbs.items()}
+    for pair in itertools.combinations(layout.limbs, 2):
+        if kinds[pair[0]] != kinds[pair[1]]:
             continue
+        alone = [
+            (first, second)
+            for first, second in (pair, pair[::-1])
+            if any(
+                first in (own := _limbs(one, layout)) and second not in own for one in recordings
+            )
+        ]
+        if not alone:
+            continue
+        first, second = alone[0]
         own = counterparts(recordings, layout, first, second)
         if own.apart < best:
             best = own.apart
@@ -111,21 +120,6 @@ def _apart(recordings: Sequence[Recording], layout: Layout, first: str, second: 
             mirror = np.quantile(sense * q_second[:, there], _QUANTILES, axis=0).T
             apart[at] += np.abs(quantiles - mirror).mean(axis=-1) / len(pairs)
     return apart
-
-
-def _kinds(recordings: Sequence[Recording], layout: Layout) -> Mapping[str, tuple[int, int, int]]:
-    """Numbers of joints, skins and points of each limb."""
-    skins = {
-        end for one in recordings for end in (one.above, one.below) if one.felt(end) is not None
-    }
-    held = {
-        limb: [end for end, holder in layout.holder.items() if holder == limb]
-        for limb in layout.limbs
-    }
-    return {
-        limb: (len(layout.limbs[limb]), len(skins & set(ends)), len(set(ends) - skins))
-        for limb, ends in held.items()
-    }
 
 
 def _limbs(one: Recording, layout: Layout) -> set[str]:
