@@ -23,7 +23,14 @@ _CONVERGED, _STALE = 1e-6, 3
 _CORNER = 0.05
 
 
-def finished(problem: Problem, one: Population, *, sigma: float, steps: int = 200) -> Population:
+def finished(
+    problem: Problem,
+    one: Population,
+    *,
+    sigma: float,
+    steps: int = 200,
+    expected: np.ndarray | None = None,
+) -> Population:
     """A body after damped Gauss-Newton steps; the lower of the two by the usual loss.
 
     Args:
@@ -31,9 +38,13 @@ def finished(problem: Problem, one: Population, *, sigma: float, steps: int = 20
         one: a population of one.
         sigma: scale of the residuals, in diameters of a contact.
         steps: at most.
+        expected: `(P,)` by how much each number is expected to be off; unlimited by default. Axes
+            are taken to be of unit length.
     """
     cost = Cost(problem, one.orders[0], sigma)
     row = cost.normed(one.rows[0].astype(float))
+    if expected is not None:
+        cost.hold(row, expected)
     value, gradient, normal = cost.expanded(row)
     damping, stale = _DAMPING, 0
     for _ in range(steps):
@@ -108,6 +119,7 @@ class Cost:
 
     def __init__(self, problem: Problem, order: np.ndarray, sigma: float):
         self._problem, self._order, self._sigma = problem, order, sigma
+        self._held: tuple[np.ndarray, np.ndarray] | None = None
         data, body = problem.data, problem.body
         self._data, self._num_joints = data, body.num_joints
         self._share = data.share.astype(float)
@@ -125,6 +137,10 @@ class Cost:
                 apart = data.far[far : far + len(skin.far)]
                 self._skins.append(_Skin(end, skin.basis, own, spacing, skin.trust, weight, apart))
             near, far = near + len(skin.near), far + len(skin.far)
+
+    def hold(self, row: np.ndarray, expected: np.ndarray) -> None:
+        """Adds what it costs to leave a hypothesis, by how much each number may be off."""
+        self._held = (row.copy(), np.where(np.isfinite(expected), 1 / expected**2, 0.0))
 
     def normed(self, row: np.ndarray) -> np.ndarray:
         """The same body, its axes of unit length, and as large as its grain says."""
@@ -177,6 +193,12 @@ class Cost:
         for skin in self._skins:
             yield from self._grain(row, skin, slopes=slopes)
         yield self._small(row, slopes=slopes)
+        if self._held is not None:
+            there, weight = self._held
+            columns = np.flatnonzero(weight)
+            own, off = weight[columns], (row - there)[columns]
+            cost = float((own * off**2).sum())
+            yield cost, _Slopes(columns, 2 * own * off, np.diag(2 * own)) if slopes else None
 
     def _met(
         self, row: np.ndarray, recording: int, *, slopes: bool
