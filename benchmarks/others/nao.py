@@ -253,7 +253,7 @@ def tabulate(given: argparse.Namespace) -> None:
         rows += _ring(given.path, kind, kept)
         lowest = [_lowest([one for one in kept if one.fold == fold]) for fold in range(FOLDS)]
         if kind == "unknown":
-            rows += _ring(given.path, "unknown, lowest loss", [one for one in lowest if one])
+            rows += _ring(given.path, "unknown_lowest", [one for one in lowest if one])
     given.out.parent.mkdir(parents=True, exist_ok=True)
     with given.out.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")

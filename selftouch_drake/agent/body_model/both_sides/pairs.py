@@ -86,12 +86,11 @@ def paired(recordings: Sequence[Recording], layout: Layout) -> Layout:
     for pair in itertools.combinations(layout.limbs, 2):
         if kinds[pair[0]] != kinds[pair[1]]:
             continue
+        touching = [_limbs(one, layout) for one in recordings]
         alone = [
             (first, second)
             for first, second in (pair, pair[::-1])
-            if any(
-                first in (own := _limbs(one, layout)) and second not in own for one in recordings
-            )
+            if any(first in limbs and second not in limbs for limbs in touching)
         ]
         if not alone:
             continue
