@@ -22,6 +22,7 @@ from selftouch_drake.agent.body_model.both_sides.orders import (
     found_orders,
     settled,
 )
+from selftouch_drake.agent.body_model.both_sides.pairs import paired, senses
 from selftouch_drake.agent.body_model.both_sides.problem import Body, Population, Problem
 from selftouch_drake.agent.body_model.both_sides.recordings import (
     Layout,
@@ -29,13 +30,13 @@ from selftouch_drake.agent.body_model.both_sides.recordings import (
     same_posture,
 )
 from selftouch_drake.agent.body_model.both_sides.search import SIGMA, Effort, Problems, found
-from selftouch_drake.agent.body_model.both_sides.start import any_turns, at_random
+from selftouch_drake.agent.body_model.both_sides.start import any_turns, at_random, mirrored
 
 SMALL = Effort(
     starts=20, carried=2, images=6, bundled=4, passes=1, redrawn=4, last_steps=100
 )  # fmt: skip
 SMALL_ORDERS = OrderEffort(
-    starts=8, polished=6, carried=4, images=6, beam=3, rounds=2, stale=1
+    starts=8, polished=6, images=6, redrawn=2, beam=3, rounds=2, stale=1
 )  # fmt: skip
 SWAPPED = [1, 0, 2]
 
@@ -195,6 +196,44 @@ def test_a_body_is_accepted_if_a_search_begun_anew_agrees(problems, body, one):
 def test_joints_are_told_to_which_limb_they_belong(touches, body):
     matters = relevance(body.skins, touches)
     assert limbs_of(matters, touches, LAYOUT.holder) == {"right": RIGHT, "left": LEFT}
+
+
+def test_two_limbs_that_carry_the_same_kinds_of_ends_have_as_many_joints(touches):
+    tip = dataclasses.replace(touches[2], name="left_tip_on_trunk", above="left_tip")
+    holder = {**LAYOUT.holder, "left_tip": "left"}
+    matters = np.zeros((6, 4))
+    matters[RIGHT, 0] = matters[LEFT, 1] = 1.0
+    matters[LEFT[2]] = [0.1, -0.1, 0, 0]
+    assert limbs_of(matters[:, :3], touches, LAYOUT.holder)["left"] == LEFT[:2]
+    assert limbs_of(matters, [*touches, tip], holder) == {"right": RIGHT, "left": LEFT}
+
+
+def read_as_mirror_images(touches):
+    """The left skin's touches where the right one's are, the last joint in the other sense."""
+    right, left = touches[:2]
+    q = left.q.copy()
+    q[:, LEFT] = right.q[: len(q), RIGHT] * [1, 1, -1]
+    return [right, dataclasses.replace(left, q=q)]
+
+
+def test_a_pair_and_its_counterparts_are_told_by_readings(touches):
+    some = read_as_mirror_images(touches)
+    shuffled = [LEFT[1], LEFT[2], LEFT[0]]
+    holder = {end: limb for end, limb in LAYOUT.holder.items() if "tip" not in end}
+    layout = Layout(limbs={"right": RIGHT, "left": shuffled}, holder=holder)
+    told = paired(some, layout)
+    assert told.mirrored == (("right", "left"),)
+    assert told.limbs == {"right": RIGHT, "left": LEFT}
+    assert senses(some, told, "right", "left").tolist() == [1, 1, -1]
+
+
+def test_a_mirror_image_begins_as_touches_tell(touches, problems, one):
+    # Both arms of this body are read alike, and a mirror image turns the other way round.
+    told = dataclasses.replace(problems.image, sense=np.ones(6))
+    some, _ = mirrored(problems.body, one, ("right", "left"), 40, np.random.default_rng(0), told)
+    turned = [axes_apart((problems.body, row), (problems.body, one.rows[0])) for row in some.rows]
+    near = np.array(turned)[:, LEFT].max(axis=1) < 30
+    assert near.mean() > 0.5
 
 
 def test_no_posture_is_in_two_folds():

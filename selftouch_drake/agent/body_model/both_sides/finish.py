@@ -23,7 +23,14 @@ _CONVERGED, _STALE = 1e-6, 3
 _CORNER = 0.05
 
 
-def finished(problem: Problem, one: Population, *, sigma: float, steps: int = 200) -> Population:
+def finished(
+    problem: Problem,
+    one: Population,
+    *,
+    sigma: float,
+    steps: int = 200,
+    expected: np.ndarray | None = None,
+) -> Population:
     """A body after damped Gauss-Newton steps; the lower of the two by the usual loss.
 
     Args:
@@ -31,9 +38,13 @@ def finished(problem: Problem, one: Population, *, sigma: float, steps: int = 20
         one: a population of one.
         sigma: scale of the residuals, in diameters of a contact.
         steps: at most.
+        expected: `(P,)` by how much each number is expected to be off; unlimited by default. Axes
+            are taken to be of unit length.
     """
     cost = Cost(problem, one.orders[0], sigma)
     row = cost.normed(one.rows[0].astype(float))
+    if expected is not None:
+        cost.hold(row, expected)
     value, gradient, normal = cost.expanded(row)
     damping, stale = _DAMPING, 0
     for _ in range(steps):
@@ -60,20 +71,24 @@ def finished(problem: Problem, one: Population, *, sigma: float, steps: int = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Residuals that share a cost, and their slopes by some columns.
+class _Slopes:
+    """What a part of the cost adds to the gradient and to the matrix of least squares.
 
     Attributes:
-        push: `(n,)` slope of the cost by each.
-        weight: `(n,)` how stiff a step takes it for.
         columns: `(c,)` numbers of a hypothesis.
-        slope: `(n, c)`.
+        gradient: `(c,)`.
+        normal: `(c, c)`.
     """
 
-    push: np.ndarray
-    weight: np.ndarray
     columns: np.ndarray
-    slope: np.ndarray
+    gradient: np.ndarray
+    normal: np.ndarray
+
+    @staticmethod
+    def of(push: np.ndarray, weight: np.ndarray, columns: np.ndarray, slope: np.ndarray):
+        """Residuals: slope of the cost by each, how stiff a step takes it for, and its slopes."""
+        normal = (slope * weight[:, None]).T @ slope
+        return _Slopes(columns, push @ slope, normal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +119,7 @@ class Cost:
 
     def __init__(self, problem: Problem, order: np.ndarray, sigma: float):
         self._problem, self._order, self._sigma = problem, order, sigma
+        self._held: tuple[np.ndarray, np.ndarray] | None = None
         data, body = problem.data, problem.body
         self._data, self._num_joints = data, body.num_joints
         self._share = data.share.astype(float)
@@ -121,6 +137,10 @@ class Cost:
                 apart = data.far[far : far + len(skin.far)]
                 self._skins.append(_Skin(end, skin.basis, own, spacing, skin.trust, weight, apart))
             near, far = near + len(skin.near), far + len(skin.far)
+
+    def hold(self, row: np.ndarray, expected: np.ndarray) -> None:
+        """Adds what it costs to leave a hypothesis, by how much each number may be off."""
+        self._held = (row.copy(), np.where(np.isfinite(expected), 1 / expected**2, 0.0))
 
     def normed(self, row: np.ndarray) -> np.ndarray:
         """The same body, its axes of unit length, and as large as its grain says."""
@@ -142,13 +162,11 @@ class Cost:
         A step that makes all larger is undone by `normed`: lengths count relative to the unit.
         """
         total, gradient, normal = 0.0, np.zeros(len(row)), np.zeros((len(row), len(row)))
-        for cost, rows in self._terms(row, slopes=True):
+        for cost, own in self._terms(row, slopes=True):
             total += cost
-            if rows is None:
-                continue
-            weighted = rows.slope * rows.weight[:, None]
-            gradient[rows.columns] += rows.push @ rows.slope
-            normal[np.ix_(rows.columns, rows.columns)] += weighted.T @ rows.slope
+            if own is not None:
+                gradient[own.columns] += own.gradient
+                normal[np.ix_(own.columns, own.columns)] += own.normal
         lengths = row.copy()
         lengths[: 3 * self._num_joints] = 0
         unit = self._unit(row)[1]
@@ -163,19 +181,28 @@ class Cost:
             begin, size = self._data.offset[skin.end], self._data.size[skin.end]
             own = slice(begin, begin + 3 * size)
             place = skin.basis @ row[own].reshape(-1, 3)
-            off, by = _log_distances(place, skin.basis, skin.near, slopes=True)
+            off, by = _log_distances(place, skin.near)
             mean += float(skin.trust @ (off - skin.spacing)) / len(self._skins)
-            slope[own] += skin.trust @ by / len(self._skins)
+            by_place = _by_place(len(place), skin.near, skin.trust[:, None] * by)
+            slope[own] += (skin.basis.T @ by_place).ravel() / len(self._skins)
         return mean, slope
 
-    def _terms(self, row: np.ndarray, *, slopes: bool) -> Iterator[tuple[float, _Rows | None]]:
+    def _terms(self, row: np.ndarray, *, slopes: bool) -> Iterator[tuple[float, _Slopes | None]]:
         for recording in range(len(self._data.ends)):
             yield self._met(row, recording, slopes=slopes)
         for skin in self._skins:
             yield from self._grain(row, skin, slopes=slopes)
         yield self._small(row, slopes=slopes)
+        if self._held is not None:
+            there, weight = self._held
+            columns = np.flatnonzero(weight)
+            own, off = weight[columns], (row - there)[columns]
+            cost = float((own * off**2).sum())
+            yield cost, _Slopes(columns, 2 * own * off, np.diag(2 * own)) if slopes else None
 
-    def _met(self, row: np.ndarray, recording: int, *, slopes: bool) -> tuple[float, _Rows | None]:
+    def _met(
+        self, row: np.ndarray, recording: int, *, slopes: bool
+    ) -> tuple[float, _Slopes | None]:
         """What touched from what was touched."""
         data = self._data
         some = slice(data.begin[recording], data.begin[recording + 1])
@@ -194,7 +221,7 @@ class Cost:
         columns, slope = _summed(columns, slope)
         own = np.repeat(2 * weight / (1 + scaled) / self._sigma**2, 3)
         flat = slope.reshape(-1, slope.shape[2])
-        return cost, _Rows(own * away.ravel(), own, columns, flat)
+        return cost, _Slopes.of(own * away.ravel(), own, columns, flat)
 
     def _carried(
         self, row: np.ndarray, end: int, side: int, some: slice, *, slopes: bool
@@ -236,32 +263,38 @@ class Cost:
 
     def _grain(
         self, row: np.ndarray, skin: _Skin, *, slopes: bool
-    ) -> Iterator[tuple[float, _Rows | None]]:
+    ) -> Iterator[tuple[float, _Slopes | None]]:
         """How far distances are off the grain, and how near those lie that share no touch."""
         end, basis = skin.end, skin.basis
         begin, size = int(self._data.offset[end]), int(self._data.size[end])
         columns = np.arange(begin, begin + 3 * size)
         place = basis @ row[columns].reshape(-1, 3)
         number = descent.GRAIN * len(basis)
-        off, by = _log_distances(place, basis, skin.near, slopes=slopes)
+        off, by = _log_distances(place, skin.near)
         off = off - skin.spacing
         scaled = off / descent.SCATTER
         root = np.sqrt(1 + scaled**2)
         cost = float(number * (skin.weight * (root - 1)).sum())
         weight = number * skin.weight / root / descent.SCATTER**2
-        yield cost, _Rows(weight * off, weight, columns, by) if slopes else None
+        yield (
+            cost,
+            _of_pairs(basis, skin.near, weight * off, weight, columns, by) if slopes else None,
+        )
         if len(skin.far):
-            apart, by = _log_distances(place, basis, skin.far, slopes=slopes)
+            apart, by = _log_distances(place, skin.far)
             lacking = np.maximum(-apart, 0)
             each = descent.TOO_NEAR * number / descent.SCATTER / len(skin.far)
             some = np.flatnonzero(lacking > 0)
             own = lacking[some]
             weight = each / np.maximum(own, _CORNER)
-            rows = _Rows(-weight * own, weight, columns, by[some]) if slopes else None
+            rows = None
+            if slopes:
+                pairs, push = skin.far[some], -weight * own
+                rows = _of_pairs(basis, pairs, push, weight, columns, by[some])
             rounded = np.where(own < _CORNER, own**2 / (2 * _CORNER), own - _CORNER / 2)
             yield float(each * rounded.sum()), rows
 
-    def _small(self, row: np.ndarray, *, slopes: bool) -> tuple[float, _Rows | None]:
+    def _small(self, row: np.ndarray, *, slopes: bool) -> tuple[float, _Slopes | None]:
         """Costs of coefficients and of the points on axes."""
         data, count = self._data, self._num_joints
         weight = np.zeros(len(row))
@@ -273,23 +306,57 @@ class Cost:
         columns = np.flatnonzero(weight)
         own, value = weight[columns], row[columns]
         cost = float((own * value**2).sum())
-        return cost, _Rows(
-            2 * own * value, 2 * own, columns, np.eye(len(columns))
-        ) if slopes else None
+        return cost, _Slopes(columns, 2 * own * value, np.diag(2 * own)) if slopes else None
 
 
-def _log_distances(
-    place: np.ndarray, basis: np.ndarray, pairs: np.ndarray, *, slopes: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithms of distances, and their slopes by coefficients."""
+def _log_distances(place: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(m,)` logarithms of distances, and `(m, 3)` slopes by the first place of each pair."""
     away = place[pairs[:, 0]] - place[pairs[:, 1]]
     distance = np.sqrt((away**2).sum(axis=1) + 1e-12)
-    result = np.log(distance + 1e-3)
-    if not slopes:
-        return result, np.empty((0, 0))
-    by_away = away / (distance * (distance + 1e-3))[:, None]
-    parted = basis[pairs[:, 0]] - basis[pairs[:, 1]]
-    return result, (parted[:, :, None] * by_away[:, None, :]).reshape(len(pairs), -1)
+    return np.log(distance + 1e-3), away / (distance * (distance + 1e-3))[:, None]
+
+
+def _by_place(number: int, pairs: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """`(n, 3)` sums of slopes `(m, 3)` by the first place of each pair; the second has minus it."""
+    return np.stack(
+        [
+            np.bincount(pairs[:, 0], one, number) - np.bincount(pairs[:, 1], one, number)
+            for one in slope.T
+        ],
+        axis=1,
+    )
+
+
+def _of_pairs(
+    basis: np.ndarray,
+    pairs: np.ndarray,
+    push: np.ndarray,
+    weight: np.ndarray,
+    columns: np.ndarray,
+    by: np.ndarray,
+) -> _Slopes:
+    """What pairs of places add: a Laplacian over places for each two directions.
+
+    Args:
+        basis: `(n, K)`.
+        pairs: `(m, 2)`.
+        push: `(m,)` slope of the cost by each residual.
+        weight: `(m,)` how stiff a step takes it for.
+        columns: `(3 K,)`.
+        by: `(m, 3)` slope of each residual by its first place.
+    """
+    number, size = basis.shape
+    gradient = basis.T @ _by_place(number, pairs, push[:, None] * by)
+    normal = np.empty((size, 3, size, 3))
+    flat = pairs[:, 0].astype(np.int64) * number + pairs[:, 1]
+    for first in range(3):
+        for second in range(first, 3):
+            own = np.bincount(flat, weight * by[:, first] * by[:, second], number**2)
+            own = own.reshape(number, number)
+            own = own + own.T
+            laplacian = np.diag(own.sum(axis=1)) - own
+            normal[:, first, :, second] = normal[:, second, :, first] = basis.T @ laplacian @ basis
+    return _Slopes(columns, gradient.ravel(), normal.reshape(3 * size, 3 * size))
 
 
 def _summed(columns: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

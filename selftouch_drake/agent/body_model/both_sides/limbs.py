@@ -33,6 +33,8 @@ def limbs_of(
 ) -> dict[str, list[int]]:
     """Joints of each limb, sorted: a joint belongs where it explains most and leaves out least.
 
+    Two limbs that carry the same kinds of ends, and no third does, get the same number of joints.
+
     Args:
         matters: `(J, R)` relevance of each joint to each recording.
         recordings: of one body.
@@ -44,7 +46,54 @@ def limbs_of(
     )
     score = matters @ np.where(takes_part, 1, -1).T
     best = score.argmax(axis=1)
+    kinds = ends_of_limbs(recordings, holder)
+    for kind in set(kinds.values()):
+        alike = [at for at, name in enumerate(names) if kinds[name] == kind]
+        if len(alike) == 2:
+            best = _as_many(score, best, alike)
     return {name: np.flatnonzero(best == at).tolist() for at, name in enumerate(names)}
+
+
+def ends_of_limbs(
+    recordings: Sequence[Recording], holder: Mapping[str, str]
+) -> dict[str, tuple[int, int]]:
+    """Numbers of skins and of points that each limb carries."""
+    skins = {
+        end for one in recordings for end in (one.above, one.below) if one.felt(end) is not None
+    }
+    return {
+        limb: (
+            sum(own == limb and end in skins for end, own in holder.items()),
+            sum(own == limb and end not in skins for end, own in holder.items()),
+        )
+        for limb in dict.fromkeys(holder.values())
+        if limb
+    }
+
+
+def _as_many(score: np.ndarray, best: np.ndarray, alike: Sequence[int]) -> np.ndarray:
+    """`(J,)` limb of each joint, moved at the least cost until both have the same number.
+
+    Ends with one joint more in one of them where no single move would help.
+    """
+    best = best.copy()
+    while True:
+        counts = [int((best == limb).sum()) for limb in alike]
+        more, fewer = alike if counts[0] > counts[1] else alike[::-1]
+        short = abs(counts[0] - counts[1])
+        moves = [
+            (score[joint, here] - score[joint, there], joint, there)
+            for joint, here in enumerate(best)
+            for there in range(score.shape[1])
+            if there != here
+            and there != more
+            and (here == more or there == fewer)
+            and (there == fewer) + (here == more) <= short
+        ]
+        if not short or not moves:
+            return best
+        _, joint, there = min(moves)
+        best[joint] = there
 
 
 def _of_recording(skins: Mapping[str, Skin], one: Recording) -> np.ndarray:

@@ -17,9 +17,8 @@ from selftouch_drake.agent.body_model.both_sides.search import (
     SIGMA,
     Effort,
     Problems,
-    best_of_each,
+    redrawn,
     refined,
-    second_limb,
     with_second_limb,
 )
 from selftouch_drake.agent.body_model.both_sides.start import at_random
@@ -28,8 +27,6 @@ from selftouch_drake.agent.body_model.both_sides.start import at_random
 CARRIED, LEFT, ANEW = "carried", "left", "anew"
 # Of more orders than this, so many are drawn.
 _MOST_ORDERS = 120
-# In one round of so many the second limb is drawn anew.
-_REDRAWN = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,21 +35,21 @@ class OrderEffort:
 
     Attributes:
         starts: bodies of one limb that begin in each order.
-        polished: best orders that are fitted longer.
-        carried: of these, orders that the other limb is tried with.
+        polished: best orders that are fitted longer, and that the other limb is tried with.
         images: mirror images of the limb for each of these.
+        redrawn: draws of a limb for each order while orders change.
         beam: orders that are changed.
         rounds: of changes, at most.
         stale: rounds without a better body after which the search ends.
     """
 
     starts: int = 3
-    polished: int = 16
-    carried: int = 8
-    images: int = 8
-    beam: int = 4
-    rounds: int = 8
-    stale: int = 3
+    polished: int = 48
+    images: int = 3
+    redrawn: int = 6
+    beam: int = 5
+    rounds: int = 6
+    stale: int = 2
 
 
 #: What a search for the order tries unless told otherwise.
@@ -77,10 +74,10 @@ def found_orders(
     each = Effort(carried=len(some.rows), images=effort.images, bundled=len(some.rows))
     some = distinct(with_second_limb(problems, some, random, each), effort.beam)
     best, stale = np.inf, 0
-    for turn in range(effort.rounds):
+    limbs = itertools.cycle(problems.body.layout.limbs)
+    for limb in itertools.islice(limbs, effort.rounds):
         some = _changed(problems, some, random, effort)
-        if turn % _REDRAWN == 1:
-            some = distinct(some.together(_redrawn(problems, some, random, effort)), effort.beam)
+        some = distinct(some.together(_redrawn(problems, some, limb, random, effort)), effort.beam)
         stale = 0 if some.loss[0] < best - 0.1 else stale + 1
         best = min(best, some.loss[0])
         if stale >= effort.stale:
@@ -157,7 +154,7 @@ def _first_orders(
         best.setdefault(tuple(coarse.orders[index, column].tolist()), int(index))
     kept = coarse.some(np.array(list(best.values())[: effort.polished]))
     fine = problems.first.descended(kept, steps=500, rate=0.03, sigmas=(0.8, SIGMA))
-    return fine.best(effort.carried)
+    return fine.best(effort.polished)
 
 
 def _changed(
@@ -178,14 +175,17 @@ def _changed(
 
 
 def _redrawn(
-    problems: Problems, some: Population, random: np.random.Generator, effort: OrderEffort
+    problems: Problems,
+    some: Population,
+    limb: str,
+    random: np.random.Generator,
+    effort: OrderEffort,
 ) -> Population:
-    """The same orders, the second limb begun once more as the mirror image of the first."""
-    if problems.second is None:
-        return some
-    begun = second_limb(problems, some, effort.images, random)
-    kept = begun.some(best_of_each(begun.loss, len(some.rows), 1))
-    return problems.whole.descended(kept, steps=350, rate=0.02, sigmas=(0.5, SIGMA))
+    """The same orders with one limb drawn anew."""
+    draws = Effort(redrawn=effort.redrawn)
+    each = [some.some(slice(at, at + 1)) for at in range(len(some.rows))]
+    first, *others = (redrawn(problems, one, limb, random, draws) for one in each)
+    return first.together(*others)
 
 
 def _changes(body: Body, one: Population, random: np.random.Generator) -> Population:

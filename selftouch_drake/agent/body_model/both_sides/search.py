@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.agent.body_model.both_sides.pairs import senses
 from selftouch_drake.agent.body_model.both_sides.problem import Body, Population, Problem
 from selftouch_drake.agent.body_model.both_sides.recordings import Layout, Recording
 from selftouch_drake.agent.body_model.both_sides.start import (
+    Image,
     any_turns,
     at_random,
     mirrored,
@@ -60,12 +62,14 @@ class Problems:
         second: those with it; None if there is none.
         whole: all.
         pair: names of the first limb and the second; None likewise.
+        image: what touches say of the second limb as a mirror image; None likewise.
     """
 
     first: Problem
     second: Problem | None
     whole: Problem
     pair: tuple[str, str] | None
+    image: Image | None
 
     @staticmethod
     def of(recordings: Sequence[Recording], layout: Layout, seed: int = 0) -> "Problems":
@@ -83,7 +87,7 @@ class Problems:
         whole = Problem.of(body, recordings, seed)
         pair = layout.mirrored[0] if layout.mirrored else None
         if pair is None:
-            return Problems(first=whole, second=None, whole=whole, pair=None)
+            return Problems(first=whole, second=None, whole=whole, pair=None, image=None)
         late = set(layout.limbs[pair[1]])
         first = [one for one in recordings if not late & set(layout.between(one))]
         second = [one for one in recordings if late & set(layout.between(one))]
@@ -94,7 +98,7 @@ class Problems:
             )
         return Problems(
             first=Problem.of(body, first, seed), second=Problem.of(body, second, seed),
-            whole=whole, pair=pair,
+            whole=whole, pair=pair, image=_image(body, recordings, pair),
         )  # fmt: skip
 
     @property
@@ -156,7 +160,7 @@ def second_limb(
     assert problems.second is not None
     assert problems.pair is not None
     body, pair = problems.body, problems.pair
-    begun, _ = mirrored(body, parents, pair, each, random)
+    begun, _ = mirrored(body, parents, pair, each, random, problems.image)
     free = body.free(*_parts_of(body, pair[1]))
     # The part of shared skins that the first limb never felt may move as well.
     coarse = problems.second.descended(begun, steps=400, rate=0.04, sigmas=(3.0, 0.3), free=free)
@@ -186,7 +190,7 @@ def redrawn(
     body, whole = problems.body, problems.whole
     if problems.pair and limb in problems.pair:
         other = problems.pair[1 - problems.pair.index(limb)]
-        begun, _ = mirrored(body, one, (other, limb), effort.redrawn, random)
+        begun, _ = mirrored(body, one, (other, limb), effort.redrawn, random, problems.image)
     else:
         begun = _limb_at_random(body, one, limb, effort.redrawn, random)
     own = set(body.layout.limbs[limb])
@@ -233,6 +237,27 @@ def best_of_each(loss: np.ndarray, parents: int, number: int) -> np.ndarray:
     each = len(loss) // parents
     best = np.argsort(loss.reshape(parents, each), axis=1, kind="stable")[:, :number]
     return (best + each * np.arange(parents)[:, None]).ravel()
+
+
+def _image(body: Body, recordings: Sequence[Recording], pair: tuple[str, str]) -> Image:
+    """What touches say of the second limb of a pair as a mirror image of the first."""
+    layout = body.layout
+    sense = np.ones(body.num_joints)
+    told = senses(recordings, layout, *pair)
+    for limb in pair:
+        sense[list(layout.limbs[limb])] = told
+    sides = {}
+    for end, skin in body.skins.items():
+        if not layout.holder[end]:
+            felt = [np.zeros(len(skin.receptor)), np.zeros(len(skin.receptor))]
+            for one in recordings:
+                for side, limb in enumerate(pair):
+                    if {layout.holder[one.above], layout.holder[one.below]} == {limb, ""}:
+                        own = one.felt(end)
+                        felt[side] += 0 if own is None else own[:, skin.receptor].sum(axis=0)
+            if felt[0].any() and felt[1].any():
+                sides[end] = felt[1] / felt[1].sum() - felt[0] / felt[0].sum()
+    return Image(sense=sense, sides=sides)
 
 
 def _lower(one: Population, other: Population) -> Population:

@@ -1,5 +1,8 @@
 """Where a search begins: bodies at random, a limb as another one's mirror image, skins unfolded."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
 from selftouch_drake.agent.body_model.both_sides.problem import Body, Population, Problem
@@ -10,8 +13,34 @@ from selftouch_drake.agent.shape.alignment import align
 _CENTRES, _AWAY, _BESIDE = 2.0, 2.0, 0.3
 # Ridge of the coefficients of a first map, relative to the number of receptors.
 _RIDGE = 2e-4
+# Share of mirror images that are drawn without what touches say of them, and how far their plane
+# is off otherwise.
+_UNTOLD, _TILT = 0.25, 0.15
 # Receptors felt more often than this keep the place that a fit gave them.
 _PLACED = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Image:
+    """What touches say of a limb as the mirror image of another one, before any body is known.
+
+    Attributes:
+        sense: `(J,)` by column of the readings: 1 if it and its counterpart have one range, -1 if
+            one has the mirror image of the other's.
+        sides: by skin of the trunk, `(n,)` weights of its receptors: those that the second limb
+            touches less those that the first one does. Both sums are 1.
+    """
+
+    sense: np.ndarray
+    sides: Mapping[str, np.ndarray]
+
+    def normal(self, body: Body, rows: np.ndarray) -> np.ndarray:
+        """`(B, 3)` from what the first limb touches to what the second one does; 0 if unknown."""
+        across = np.zeros((len(rows), 3))
+        for end, weight in self.sides.items():
+            own = body.coefficients(rows, end).astype(float)
+            across += (weight @ body.skins[end].basis) @ own
+        return across
 
 
 def at_random(body: Body, number: int, random: np.random.Generator) -> np.ndarray:
@@ -58,10 +87,12 @@ def mirrored(
     limb: tuple[str, str],
     each: int,
     random: np.random.Generator,
+    image: Image | None = None,
 ) -> tuple[Population, np.ndarray]:
     """Bodies whose second limb is the mirror image of the first in a plane through the trunk.
 
-    The senses of its axes are drawn: readings of one sense on both sides need not be.
+    The plane and the senses of the axes are those that touches tell, and drawn for some bodies:
+    limbs need not be moved alike.
 
     Args:
         body: its skins and layout.
@@ -69,6 +100,7 @@ def mirrored(
         limb: names of the first limb and the second.
         each: mirror images of each parent.
         random: source of randomness.
+        image: what touches say of it.
 
     Returns:
         The bodies, and `(B,)` the index of each one's parent.
@@ -79,15 +111,23 @@ def mirrored(
     rows, before = parents.rows[parent].copy(), parents.rows[parent]
     middle = trunk_middle(body, rows)
     normal = _unit(random.normal(size=(len(rows), 3)))
+    sense = np.where(random.random((len(rows), len(new))) < 0.5, -1, 1)
+    if image is not None:
+        told = random.random((len(rows), 1)) >= _UNTOLD
+        # What turns one way turns the other way in a mirror.
+        sense = np.where(told, -image.sense[parents.orders[parent][:, new]], sense)
+        across = image.normal(body, rows)
+        if across.any():
+            tilted = _unit(_unit(across) + _TILT * random.normal(size=across.shape))
+            normal = np.where(told, tilted, normal)
     plane = np.eye(3) - 2 * normal[:, :, None] * normal[:, None, :]
 
-    def image(point: np.ndarray) -> np.ndarray:
+    def mirror(point: np.ndarray) -> np.ndarray:
         return (point - middle[:, None]) @ plane + middle[:, None]
 
-    sense = np.where(random.random((len(rows), len(new), 1)) < 0.5, -1, 1)
-    body.axes(rows)[:, new] = body.axes(before)[:, known] @ plane * sense
+    body.axes(rows)[:, new] = body.axes(before)[:, known] @ plane * sense[:, :, None]
     beside = _BESIDE * random.normal(size=(len(rows), len(new), 3))
-    body.centres(rows)[:, new] = image(body.centres(before)[:, known]) + beside
+    body.centres(rows)[:, new] = mirror(body.centres(before)[:, known]) + beside
     held = [end for end in body.ends if layout.holder[end] == limb[0]]
     middles: dict[bool, list[np.ndarray]] = {}
     for end in held:
@@ -95,7 +135,7 @@ def mirrored(
     for end in [end for end in body.ends if layout.holder[end] == limb[1]]:
         scatter_end(body, rows, end, random)
         there = np.mean(middles.get(end in body.skins, next(iter(middles.values()))), axis=0)
-        body.coefficients(rows, end)[:, 0] = image(there[:, None])[:, 0]
+        body.coefficients(rows, end)[:, 0] = mirror(there[:, None])[:, 0]
     nothing = np.full(len(rows), np.nan)
     orders = parents.orders[parent].copy()
     return Population(rows=rows, orders=orders, loss=nothing), parent
