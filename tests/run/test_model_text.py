@@ -39,7 +39,7 @@ def model():
         part_link=np.array([BASE, 4]),
         toucher_link=np.array([2]),
         toucher_place=np.zeros((1, 3)),
-        covariance=np.full((33, 33), np.nan),
+        covariance=np.diag(np.concatenate([np.square(sigma).ravel(), np.zeros(3)])),
         toucher_shape=np.zeros((1, 5)),
         accepted_by_part=np.array([True, False]),
         reason="Part 1 bends.",
