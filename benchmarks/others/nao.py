@@ -20,10 +20,9 @@ joints of each limb, their order, which limbs are a pair, and which of their joi
 A body that was kept is not looked for again. `table` compares kept bodies with the repository's
 description and with each other: a row for each fold and seed, and one for the lowest loss of a
 fold's seeds. `nominal` fits the same from that description, and writes the corrected robot of each
-fold as URDF. `unseen` finishes, by least squares,
-bodies of the six files without the two in which hands touch the other arm, and predicts all touches
-of these two: bodies that were found so (`body --without-hands`), those found from all eight files,
-and the described one.
+fold as URDF. `unseen` finishes, by least squares, bodies of the six files without the two in which
+hands touch the other arm, and predicts all touches of these two: bodies that were found so (`body
+--without-hands`), those found from all eight files, and the described one.
 
 `maps` says where the taxels of one skin are, by `selftouch map`'s way, and beside it by plain
 Isomap on the cosines of shared touches. The filed positions, from another calibration, are the

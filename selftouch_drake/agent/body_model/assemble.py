@@ -230,10 +230,8 @@ def _covariance(found: Found, motion: np.ndarray) -> np.ndarray:
     solution, spread = found.solution, found.spread
     rows = np.arange(len(found.scene.q))[:: 1 + len(found.scene.q) // _MEASURED]
     scene, share = found.scene.some(rows), solution.share[rows]
-    base, growth = (
-        _parameters(found, solution, motion),
-        _growth(scene, solution, share, len(spread)),
-    )
+    base = _parameters(found, solution, motion)
+    growth = _growth(scene, solution, share, len(spread))
     known = np.flatnonzero(np.isfinite(np.diag(spread))[: len(base)])
     is_length = np.arange(len(base)) % 6 > 2
     is_length[solution.twists.size :] = True

@@ -329,8 +329,8 @@ class BodyModel(Record):
         """
         # Of the twist, what says where the axis points.
         own = slice(3, 6) if self.joint_kind[joint] == JointKind.SLIDES else slice(0, 3)
-        axis, rows = self.twists[joint, own], np.arange(6 * joint, 6 * joint + 6)[own]
-        errors = self.covariance[np.ix_(rows, rows)]
+        axis, first = self.twists[joint, own], 6 * joint + own.start
+        errors = self.covariance[first : first + 3, first : first + 3]
         size = float(np.linalg.norm(axis))
         if not size or not np.isfinite(errors).all():
             return np.nan, np.nan
