@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
+from selftouch_drake.agent.body_model.felt_twice import felt_twice, without_last
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.quotient.threads import mapped
@@ -41,21 +42,29 @@ def ask_for_model(
     # Whoever only reads a model needs no fit.
     from selftouch_drake.agent.body_model.find import find_body_model
 
-    names = joint_names or [f"joint_{n}" for n in range(representation.kernel_q.shape[1])]
+    names = list(joint_names or [f"joint_{n}" for n in range(representation.kernel_q.shape[1])])
+    q, kernel = representation.kernel_q.astype(float), kernel_of_rows(representation)
+    left_out, added = pressing_two(representation), 0
     # Sums in another order, by another number of threads, would give other bytes.
     with threadpool_limits(limits=1, user_api="blas"):
-        return find_body_model(
-            representation.kernel_q.astype(float),
+        if sensation is not None and left_out.any():
+            hands = felt_twice(representation, kernel, sensation)
+            if hands is not None:
+                left_out, added = hands.left_out, hands.along.shape[1]
+                q = np.hstack([q, hands.along])
+        model = find_body_model(
+            q,
             sensation,
-            kernel_of_rows(representation),
+            kernel,
             representation.part,
-            joint_names=names,
-            double=pressing_two(representation),
+            joint_names=[*names, *(f"{names[0]} along {n}" for n in range(added))],
+            double=left_out,
             sequence=representation.kernel_row,
             seed=seed,
             progress=progress,
             each=each,
         )
+    return without_last(model, added) if added else model
 
 
 def kernel_of_rows(representation: QuotientRepresentation) -> np.ndarray:
