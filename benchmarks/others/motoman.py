@@ -10,23 +10,29 @@ reflector on the right hand in 216 other postures, and one on the left hand.
 One distance of two single tips does not tell a body: if all axes of each arm meet in its tip,
 every distance is right. So axes and points on them begin as the repository describes them, and
 leave that only as far as touches ask for (a prior of one degree and 5 mm). The tracker is fitted
-likewise, with its own frame and its reflector free. Printed are, for each fold of held-out touches,
+likewise, with its own frame and its reflector free. The table has, for each fold of
+held-out touches,
 
-- touch: root mean square error of the held-out distances, mm;
+- touch: root mean square error of the held-out distances, mm, as described and by touch;
 - tracker: that of the reflector's places, mm, its frame and its mount fitted and nothing else;
 - axes: degrees between the axes by touch and by the tracker, median and worst of the joints that
-  both tell, and in brackets those between the description and the tracker.
+  both tell; described_axes: those between the description and the tracker.
 """
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from sys import path as search_path
 
 import numpy as np
 import scipy.io
 from nao_scores import dh_motion
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+
+search_path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
+
+from benchmarks.shared.results import add_update_option, results
 
 # Rows of the repository's Denavit-Hartenberg tables (`loadMotoman.m`): a, d in m, alpha, offset.
 _QUARTER = np.pi / 2
@@ -158,6 +164,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", type=Path, help="folder leica_dataset")
     parser.add_argument("--folds", nargs="*", type=int, default=list(range(FOLDS)))
+    add_update_option(parser, "motoman")
     given = parser.parse_args()
     touched = np.concatenate([postures(given.path, name) for name in SELF])
     arms, none = [Arm("right"), Arm("left")], np.zeros(2 * Arm.size)
@@ -176,21 +183,26 @@ def main() -> None:
     described = rms(distances(arms, none, _of(touched)) - APART)
     print(f"{len(touched)} touches; as described {described:.2f} mm")
     fold_of = np.random.default_rng(0).permutation(len(touched)) % FOLDS
-    print("| fold | touch, as described | touch | tracker, right | left | axes, right | left |")
-    print("|---|---|---|---|---|---|---|")
-    for fold in given.folds:
-        train, test = touched[fold_of != fold], touched[fold_of == fold]
-        both = by_touch(arms, _of(train))
-        cells = [rms(distances(arms, one, _of(test)) - APART) for one in (none, both)]
-        axes = []
-        for arm, part, (q, seen, vector) in zip(arms, np.split(both, 2), hands, strict=True):
-            cells.append(rms(tracked(arm, part, q, seen, free=False)[0]))
-            true = arm.turned(vector)[_ARM]
-            by_both = [_degrees(own[_ARM], true) for own in (arm.turned(part), arm.axes)]
-            touch, nominal = (f"{np.median(one):.2f}, {one.max():.2f}" for one in by_both)
-            axes.append(f"{touch} ({nominal})")
-        said = " | ".join([*(f"{cell:.2f}" for cell in cells), *axes])
-        print(f"| {fold} | {said} |", flush=True)
+    with results("motoman", update=given.update) as add:
+        for fold in given.folds:
+            train, test = touched[fold_of != fold], touched[fold_of == fold]
+            both = by_touch(arms, _of(train))
+            row: dict[str, object] = {"fold": fold}
+            for name, one in (("touch_described_mm", none), ("touch_mm", both)):
+                row[name] = round(rms(distances(arms, one, _of(test)) - APART), 2)
+            for side, arm, part, (q, seen, vector) in zip(
+                COLUMNS, arms, np.split(both, 2), hands, strict=True
+            ):
+                row[f"{side}_tracker_mm"] = round(
+                    rms(tracked(arm, part, q, seen, free=False)[0]), 2
+                )
+                true = arm.turned(vector)[_ARM]
+                for name, own in (("axes", arm.turned(part)), ("described_axes", arm.axes)):
+                    off = _degrees(own[_ARM], true)
+                    row[f"{side}_{name}_deg"] = round(float(np.median(off)), 2)
+                    row[f"{side}_{name}_worst_deg"] = round(float(off.max()), 2)
+            print(row, flush=True)
+            add(row)
 
 
 def _of(table: np.ndarray) -> list[np.ndarray]:

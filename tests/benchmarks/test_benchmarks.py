@@ -111,6 +111,8 @@ SMALL: dict[str, list[str]] = {
     "accuracy/body_model_judged": ["--kinds", "right", "--seeds=0", "--touches=3000", "--jobs=1"],
     "accuracy/assumption": ["--kinds=none", "--seeds=1", "--touches=2500", "--pairs=1"],
     "accuracy/before_practice": ["{run}", "--pairs=2", "--ways", "imagined", "no_slides"],
+    "accuracy/both_sides": ["--seeds=10", "--postures=40", "--searches=0"],
+    "accuracy/felt_twice": ["--seeds=1", "--sizes=0.9", "--touches=800", "--targets=40"],
     "accuracy/few_touches": [
         "sphere",
         "--seeds=1",
