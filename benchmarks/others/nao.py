@@ -277,21 +277,20 @@ def _ring(path: Path, kind: str, kept: Sequence[Kept]) -> list[dict[str, object]
     for at, one in enumerate(kept):
         number = min(_AGAIN, len(kept) - 1)
         again = [kept[(at + step) % len(kept)] for step in range(1, number + 1)]
-        told = layout_of(path, one.fold, "unknown")
-        own: dict[str, object] = {
-            "limbs_found": all(
-                set(told.limbs[name]) == set(joints) for name, joints in LAYOUT.limbs.items()
-            ),
-            "pair_found": {
-                frozenset(zip(*(told.limbs[name] for name in pair), strict=True))
-                for pair in told.mirrored
+        own: dict[str, object] = {"limbs_found": "given", "pair_found": "given"}
+        if order != "given":
+            told = layout_of(path, one.fold, "unknown")
+            pairs = (zip(*(told.limbs[n] for n in pair), strict=True) for pair in told.mirrored)
+            own = {
+                "limbs_found": all(
+                    set(told.limbs[name]) == set(joints) for name, joints in LAYOUT.limbs.items()
+                ),
+                "pair_found": {frozenset(pair) for pair in pairs}
+                == {frozenset(zip(RIGHT, LEFT, strict=True))},
             }
-            == {frozenset(zip(RIGHT, LEFT, strict=True))},
-        }
         own |= row_of(one, again, split(path, one.fold)[1], path)
         if order == "given":
-            names = ("limbs_found", "pair_found", "arms_order_found", "head_order_found")
-            own |= dict.fromkeys(names, "given")
+            own |= dict.fromkeys(("arms_order_found", "head_order_found"), "given")
         rows.append({"order": kind, "fold": one.fold, "seed": one.seed} | own)
     return rows
 
