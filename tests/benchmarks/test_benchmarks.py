@@ -112,7 +112,7 @@ SMALL: dict[str, list[str]] = {
     "accuracy/assumption": ["--kinds=none", "--seeds=1", "--touches=2500", "--pairs=1"],
     "accuracy/before_practice": ["{run}", "--pairs=2", "--ways", "imagined", "no_slides"],
     "accuracy/both_sides": ["--seeds=10", "--postures=40", "--searches=0"],
-    "accuracy/felt_twice": ["--seeds=1", "--sizes=0.9", "--touches=800", "--targets=40"],
+    "accuracy/felt_twice": ["--seeds=1", "--sizes=0.9", "--touches=1500", "--targets=60"],
     "accuracy/few_touches": [
         "sphere",
         "--seeds=1",
@@ -130,6 +130,7 @@ SMALL: dict[str, list[str]] = {
 }
 #: Those that take long however small they are.
 LONG = {
+    "accuracy/felt_twice",
     "cost/memory",
     "cost/babbling",
     "cost/cluster",
