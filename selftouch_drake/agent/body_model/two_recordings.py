@@ -10,10 +10,12 @@ from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel, JointKind
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain
 
-# Touches of a toucher on a part that a comparison needs of each recording, and looks at. Of the
-# second one they are at most this share of those that the model saw, whose own error is then small
-# beside theirs.
-_FEWEST, _MOST, _SHARE = 60, 600, 1 / 3
+# Touches of a toucher on a part that a comparison needs of the second recording, and of the first
+# to say how exact places are; and the most of the second one.
+_FEWEST, _MOST = 60, 600
+# Of the first one twice as many say what is felt where; and of these, those of the second one are
+# at most this share: what the first does not know well is the same error in each of them.
+_SHARE = 0.5
 
 
 class Touches(NamedTuple):
@@ -51,15 +53,17 @@ def changed_between(model: BodyModel, before: Touches, after: Touches) -> list[C
     for part in np.flatnonzero(model.accepted_by_part & (model.part_link != UNUSED)).tolist():
         for toucher in range(len(model.toucher_link)):
             pair = part, toucher
-            here = before.some(_spread((of_before == pair).all(axis=1), 2 * _MOST))
-            most = min(_MOST, int(_SHARE * model.num_touches[part]))
+            here = before.some(_spread((of_before == pair).all(axis=1), 3 * _MOST))
+            # Every third touch says how exact places are.
+            says = np.arange(len(here.q)) % 3 == 0
+            usual, mapped = here.some(says), here.some(~says)
+            most = min(_MOST, int(_SHARE * min(len(mapped.q), model.num_touches[part])))
             there = after.some(_spread((of_after == pair).all(axis=1), most))
-            if len(here.q) < 2 * _FEWEST or len(there.q) < _FEWEST:
+            if min(len(usual.q), len(there.q)) < _FEWEST:
                 continue
-            # Every other touch says how exact places are.
-            known = chain_between(model, part, toucher, here.q[::2], here.sensation[::2])
-            usual = here.q[1::2], here.sensation[1::2]
-            change = explained(known, *foretold(known, usual, (there.q, there.sensation)))
+            known = chain_between(model, part, toucher, mapped.q, mapped.sensation)
+            since = there.q, there.sensation
+            change = explained(known, *foretold(known, (usual.q, usual.sensation), since))
             found.append(Compared(part, toucher, change))
     return found
 

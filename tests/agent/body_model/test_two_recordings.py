@@ -17,7 +17,7 @@ from selftouch_drake.agent.body_model.two_recordings import (
 )
 
 NAMES = tuple(f"{side} {joint}" for side in ("left", "right") for joint in range(4))
-NUMBER = 240
+NUMBER = 300
 
 
 class TwoArms:
