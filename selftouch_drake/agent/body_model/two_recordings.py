@@ -1,11 +1,18 @@
 """What changed of a known body between two recordings, as each toucher on each part tells."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.stats import chi2
 
-from selftouch_drake.agent.body_model.chain_change import ChainChange, explained, foretold
+from selftouch_drake.agent.body_model.chain_change import (
+    ChainChange,
+    Part,
+    explained,
+    foretold,
+)
 from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.body_model.model import UNUSED, BodyModel, JointKind
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain
@@ -13,9 +20,11 @@ from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain
 # Touches of a toucher on a part that a comparison needs of the second recording, and of the first
 # to say how exact places are; and the most of the second one.
 _FEWEST, _MOST = 60, 600
-# Of the first one twice as many say what is felt where; and of these, those of the second one are
-# at most this share: what the first does not know well is the same error in each of them.
-_SHARE = 0.5
+# Those of the second one are at most this share of those of the first, which say what is felt
+# where: what the first does not know well is the same error in each of them.
+_SHARE = 1 / 3
+# What is so probable by chance is no change.
+_CHANCE = 1e-4
 
 
 class Touches(NamedTuple):
@@ -54,17 +63,22 @@ def changed_between(model: BodyModel, before: Touches, after: Touches) -> list[C
         for toucher in range(len(model.toucher_link)):
             pair = part, toucher
             here = before.some(_spread((of_before == pair).all(axis=1), 3 * _MOST))
-            # Every third touch says how exact places are.
-            says = np.arange(len(here.q)) % 3 == 0
-            usual, mapped = here.some(says), here.some(~says)
-            most = min(_MOST, int(_SHARE * min(len(mapped.q), model.num_touches[part])))
+            most = min(_MOST, int(_SHARE * min(len(here.q), model.num_touches[part])))
             there = after.some(_spread((of_after == pair).all(axis=1), most))
-            if min(len(usual.q), len(there.q)) < _FEWEST:
+            # Every third touch says how exact places are, as the others say them.
+            says = np.arange(len(here.q)) % 3 == 0
+            if min(int(says.sum()), len(there.q)) < _FEWEST:
                 continue
-            known = chain_between(model, part, toucher, mapped.q, mapped.sensation)
-            since = there.q, there.sensation
-            change = explained(known, *foretold(known, (usual.q, usual.sensation), since))
-            found.append(Compared(part, toucher, change))
+            some, known = (
+                chain_between(model, part, toucher, of.q, of.sensation)
+                for of in (here.some(~says), here)
+            )
+            tests, since = ((of.q, of.sensation) for of in (here.some(says), there))
+            usual, _ = foretold(some, tests, tests)
+            _, now = foretold(known, since, since)
+            change = explained(known, usual, replace(now, root=usual.root))
+            sure = change is not None and all(map(_beyond_its_error, change.parts))
+            found.append(Compared(part, toucher, change if sure else None))
     return found
 
 
@@ -74,7 +88,7 @@ def chain_between(
     """The chain from a part to a toucher, known by `(n, J)` readings and `(n, S)` sensations."""
     back, on = model.between(int(model.part_link[part]), int(model.toucher_link[toucher]))
     joints = [*back, *on]
-    signs = np.repeat([-1.0, 1.0], [len(back), len(on)])
+    signs = np.array([-1.0] * len(back) + [1.0] * len(on))
     return KnownChain(
         joints=joints,
         chain=SmoothChain(
@@ -87,6 +101,12 @@ def chain_between(
         sensed=Sensed.of(csr_array(sensation)),
         strength=sensation.max(axis=1),
     )
+
+
+def _beyond_its_error(part: Part) -> bool:
+    """Whether its numbers are more than their errors explain."""
+    square = float(part.amount @ np.linalg.pinv(part.covariance, hermitian=True) @ part.amount)
+    return square > chi2.isf(_CHANCE, len(part.amount))
 
 
 def _pairs(model: BodyModel, touches: Touches) -> np.ndarray:
