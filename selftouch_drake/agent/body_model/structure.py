@@ -8,7 +8,7 @@ left out before the order is ripe.
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -74,17 +74,6 @@ class Search:
     def num_joints(self) -> int:
         """Of all joints."""
         return len(self.q)
-
-    def twists(self, group: Group | Smooth, *shape: int, joints: Sequence[int] = ()) -> np.ndarray:
-        """`(*shape, n, 6)` random twists of n joints; all of them by default.
-
-        Of few touches some joints moved little: their readings say how far they may have turned.
-        """
-        chosen = np.arange(self.num_joints) if not len(joints) else np.array(joints)
-        drawn = random_twists(self.random, *shape, len(chosen))
-        if self.scale is None or not isinstance(group, Smooth):
-            return drawn
-        return drawn * (self.scale[chosen] / np.sqrt(np.mean(self.scale**2)))[:, None]
 
     def descended(
         self, groups: Sequence[Group | Smooth], bodies: Bodies, how: Descent, **more
@@ -165,8 +154,7 @@ def population(
 
     def fresh(number: int) -> Bodies:
         orders = [chain_way(random.permutation(joints)) for _ in range(number)]
-        bodies = random_bodies([[way] for way in orders], search.num_joints, 1, random)
-        return replace(bodies, twists=search.twists(group, len(bodies)))
+        return random_bodies([[way] for way in orders], search.num_joints, 1, random)
 
     bodies = fresh(2 * size)
     ancestor = np.arange(len(bodies))
@@ -180,7 +168,7 @@ def population(
         children = bodies.pick(bred)
         seen = {way[0] for way in bodies.ways}
         for child in range(len(children)):
-            _mutate(search, group, children, child, seen)
+            _mutate(children, child, seen, random)
         number = size - len(stay) - len(bred)
         bodies = Bodies.joined([bodies.pick(stay), children, fresh(number)])
         ancestor = np.concatenate([ancestor[stay], ancestor[bred], born + np.arange(number)])
@@ -213,11 +201,8 @@ def _best_of_families(
     return np.array(chosen)
 
 
-def _mutate(
-    search: Search, group: Group | Smooth, bodies: Bodies, index: int, seen: set[Way]
-) -> None:
+def _mutate(bodies: Bodies, index: int, seen: set[Way], random: np.random.Generator) -> None:
     """Gives a body another order that nobody had, and sometimes new twists where it changed."""
-    random = search.random
     before = order_of(bodies.ways[index][0])
     for _ in range(20):
         order, moved = list(before), set()
@@ -235,8 +220,7 @@ def _mutate(
     seen.add(chain_way(order))
     bodies.ways[index] = [chain_way(order)]
     if random.random() < 0.5:
-        joints = list(moved)
-        bodies.twists[index, joints] = 0.5 * search.twists(group, joints=joints)
+        bodies.twists[index, list(moved)] = 0.5 * random_twists(random, len(moved))
 
 
 def neighbours(order: list[int], candidates: Iterable[int]) -> list[tuple[list[int], list[int]]]:
@@ -282,6 +266,7 @@ def improved(
         candidates: joints that may be added.
         passes: at most; a default if 0.
     """
+    random = search.random
     how = Descent(steps=300, tail=_SEARCH_TAIL, kernels=30)
     for _ in range(passes or _MOST_PASSES):
         order = order_of(body.ways[0][0])
@@ -290,7 +275,7 @@ def improved(
         for index, (changed, moved) in enumerate(near):
             bodies.ways[index] = [chain_way(changed)]
             if moved:
-                bodies.twists[index, moved] = 0.6 * search.twists(group, joints=moved)
+                bodies.twists[index, moved] = 0.6 * random_twists(random, len(moved))
         bodies = search.descended([group], bodies, how)
         cost = bodies.loss.sum(axis=1)
         longer = np.array([len(changed) - len(order) for changed, _ in near])
