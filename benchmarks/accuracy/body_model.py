@@ -3,6 +3,7 @@
     python benchmarks/accuracy/body_model.py cube --seeds 5 6 7
     python benchmarks/accuracy/body_model.py turning_body --seeds 5 6 --touches 20000
     python benchmarks/accuracy/body_model.py gantry --seeds 5 --touches 1000
+    python benchmarks/accuracy/body_model.py two_arms --seeds 1 --touches 3000 --targets 200
     python benchmarks/accuracy/body_model.py cube --seeds 5 --corrupt labels 0.3
     python benchmarks/accuracy/body_model.py infant --seeds 1 2 --radius 0.024
 
@@ -55,17 +56,18 @@ class Truth(NamedTuple):
     skin: np.ndarray
 
 
-def the_run(name: str, seed: int, touches: int, folder: Path) -> Path:
-    """A run of the experiment; made if it is not there."""
+def the_run(name: str, seed: int, touches: int, folder: Path, targets: int = 0) -> Path:
+    """A run of the experiment, with so many target sensations if not 0; made if it is not there."""
     run = folder / f"{name}-{seed}"
     if not (run / "representation.npz").exists():
         from click.testing import CliRunner
 
         from selftouch_drake.cli import cli
 
+        number = f", num_targets: {targets}" if targets else ""
         changes = (
             f"{{seed: {seed}, babbling: {{num_samples: {touches}}}, "
-            "representation: {body_model: off}}"
+            f"representation: {{body_model: off{number}}}}}"
         )
         for arguments in (
             ["babble", name, "--out", str(run), "--set", changes],
@@ -168,7 +170,7 @@ def order_right(name: str, order: list[int]) -> str:
 def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, float, bool]]:
     """Finds the body of one run and prints its rows, one for each part."""
     touches = args.touches or TOUCHES.get(name, 100_000)
-    run = the_run(name, seed, touches, args.runs)
+    run = the_run(name, seed, touches, args.runs, args.targets)
     with np.load(run / "representation.npz") as arrays:
         offsets, q = arrays["kernel_offsets"], arrays["kernel_q"].astype(float)
         part, rows = arrays["part"], arrays["kernel_row"]
@@ -230,6 +232,7 @@ def main() -> None:
     parser.add_argument("experiments", nargs="+")
     parser.add_argument("--seeds", nargs="+", type=int, default=[5, 6, 7, 8, 9])
     parser.add_argument("--touches", type=int, default=0)
+    parser.add_argument("--targets", type=int, default=0, help="target sensations")
     parser.add_argument("--runs", type=Path, default=Path("runs/body_model"))
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--radius", type=float, default=0.0, help="metres, of the touchers")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.body_model.chain_change import changed_between
 from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.body_model.two_recordings import Touches, changed_between
 from selftouch_drake.agent.given_model.taxels import compared
 from selftouch_drake.agent.readings.receptor_faults import (
     Fault,
@@ -35,8 +35,6 @@ FAULT_COLUMNS = ("receptor", "verdict", "felt", "due", "evidence")
 CHANGE_COLUMNS = ("receptor", "change", "evidence")
 # Fewest touches and receptors of a skin that are judged.
 _LEAST_TOUCHES, _LEAST_RECEPTORS = 50, 4
-# Touches of a run by which its joints are compared.
-_MOST_COMPARED = 1200
 # m; places that differ by less are the same.
 _SAME_PLACE = 1e-6
 # If this share of the receptors changed, the runs are hardly of one robot.
@@ -79,14 +77,14 @@ class ComparedSkin:
         skin: as the first run has it.
         drift: what changed.
         move: how it moved as a whole; None if the first run has no body model that tells.
-        joints: what changed of the joints that move what touches over it, in words; None if that
-            needs more than a chain, or if the first run has no body model.
+        joints: of each toucher that touched it often enough, what changed of the joints between
+            them, in words; empty if nothing did. None if the first run has no body model.
     """
 
     skin: Skin
     drift: SkinDrift
     move: SkinMove | None
-    joints: str | None
+    joints: Sequence[tuple[int, str]] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,8 +154,8 @@ def compare_runs(
     skins = skins_of(first, names, taxels)
     if taxels is None:
         _require_same_places(first, skins, second, skins_of(second, other))
-    readings = q_first, q_second
-    places = _places_by_joints(first, (q_first, before), (q_second, after))
+    model = accepted_model(first)
+    known = () if model is None else _known_touches(first, (q_first, before), (q_second, after))
     found = []
     for skin in skins:
         here = [some[:, skin.receptors] for some in (before, after)]
@@ -171,22 +169,19 @@ def compare_runs(
             None if skin.place is None else neighbours_in_file(skin.place),
         )
         move = joints = None
-        if places is not None:
+        if model is not None:
             start, end = (
-                field_centres(place[own], some[own])
-                for place, some, own in zip(places, here, rows, strict=True)
+                field_centres(model.place(some.q[own], some.target[own]), felt[own])
+                for some, felt, own in zip(known, here, rows, strict=True)
             )
             move = skin_move(start, end)
-            well: np.ndarray = np.ones(len(skin.names), dtype=bool)
-            well[[number for number, _, _ in drift.changes]] = False
-            knows, change = changed_between(
-                *(
-                    _some_felt(q[own], some[own] * well)
-                    for q, some, own in zip(readings, here, rows, strict=True)
-                )
-            )
-            moved = "" if change is None else change.said(first.joint_names())
-            joints = moved if knows else None
+            changed = skin.receptors[[number for number, _, _ in drift.changes]]
+            well = np.setdiff1d(skin.receptors, changed)
+            pairs = changed_between(model, *(_felt_by(some, well) for some in known))
+            joints = [
+                (pair.toucher, pair.change.said(model.joint_names) if pair.change else "")
+                for pair in pairs
+            ]
         found.append(ComparedSkin(skin=skin, drift=drift, move=move, joints=joints))
     if not found:
         raise RunError(
@@ -196,11 +191,11 @@ def compare_runs(
     return found
 
 
-def _some_felt(q: np.ndarray, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Some of the touches that are felt, spread evenly."""
-    felt = np.flatnonzero(sensation.any(axis=1))
-    felt = felt[np.linspace(0, len(felt) - 1, min(len(felt), _MOST_COMPARED)).astype(int)]
-    return q[felt].astype(float), sensation[felt].astype(float)
+def _felt_by(touches: Touches, receptors: np.ndarray) -> Touches:
+    """The touches that some receptors feel, and what these read."""
+    alone = np.zeros_like(touches.sensation)
+    alone[:, receptors] = touches.sensation[:, receptors]
+    return touches._replace(sensation=alone).some(np.flatnonzero(alone.any(axis=1)))
 
 
 def skins_of(run: RunDirectory, names: Sequence[str], taxels: Taxels | None = None) -> list[Skin]:
@@ -301,16 +296,20 @@ def drift_lines(found: Sequence[ComparedSkin]) -> list[str]:
         lost = one.drift.before.overlap and not one.drift.after.overlap
         if lost or len(one.drift.changes) > _TOO_MANY * len(one.skin.names):
             lines.append("are these two runs of one robot, with receptors in one order?")
-        if one.move is None:
+        if one.joints is None:
             lines.append(
-                "whether the skin moved as a whole, only an accepted body model of the first run "
-                "tells"
+                "whether joints, or the skin as a whole, moved, only an accepted body model of the "
+                "first run tells"
             )
             continue
-        if one.joints is None:
-            lines.append(f"joints: those that touch the skin{of} are no single chain")
-        else:
-            lines.append(f"joints: {one.joints or f'nothing moved, as touches{of} say'}")
+        for toucher, moved in one.joints:
+            by = f" by toucher {toucher}" if len(one.joints) > 1 else ""
+            lines.append(f"joints: {moved or 'nothing moved'}, as touches{of}{by} say")
+        if not one.joints:
+            lines.append(f"joints: too few touches{of} to compare them")
+        if one.move is None:
+            lines.append(f"too few receptors{of} felt enough to tell whether it moved as a whole")
+            continue
         move = one.move
         verb = "moved" if move.surely else "did not surely move"
         errors = 1.96 * move.shift_sigma, 1.96 * move.turn_sigma
@@ -422,21 +421,15 @@ def touches_on(model: BodyModel, q: np.ndarray, skin: Skin) -> np.ndarray | None
     return np.bincount(nearest, minlength=len(skin.names))
 
 
-def _places_by_joints(
-    run: RunDirectory,
-    first: tuple[np.ndarray, np.ndarray],
-    second: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where the toucher was in the touches of two runs, by the body model of the first."""
-    model = accepted_model(run)
-    if model is None:
-        return None
+def _known_touches(
+    run: RunDirectory, *recordings: tuple[np.ndarray, np.ndarray]
+) -> tuple[Touches, ...]:
+    """Readings and sensations of recordings, with the target sensations of a run."""
     targets = load_representation(run).target_sensations
-
-    def places(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
-        return model.place(q, assign(sensation.astype(np.float32), targets)[0])
-
-    return places(*first), places(*second)
+    return tuple(
+        Touches(q, sensation, assign(sensation.astype(np.float32), targets)[0])
+        for q, sensation in recordings
+    )
 
 
 def _with_import(run: RunDirectory, skin: Skin, faults: SkinFaults) -> SkinFaults:

@@ -91,7 +91,7 @@ def test_two_runs_show_what_changed(runs, tmp_path):
     done = selftouch("skin", runs.well, runs.bad, "--out", tmp_path)
     assert done.status == 0, done.stderr
     assert "skin: 3 of 40 receptors changed" in done.stdout
-    assert "whether the skin moved as a whole, only an accepted body model" in done.stdout
+    assert "moved, only an accepted body model of the first run" in done.stdout
     changes = {n: r["change"] for n, r in enumerate(table(tmp_path / "skin_drift.csv"))}
     assert {n: what for n, what in changes.items() if what} == {
         3: "well -> exchanged",

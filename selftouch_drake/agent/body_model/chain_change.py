@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import adjoint, exponentials
-from selftouch_drake.agent.body_model.known_chain import KnownChain, found_chain
+from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.body_model.smoothness import SmoothChain
 
 # Residuals count with their squares up to so many standard deviations; beyond, less and less.
@@ -378,19 +378,3 @@ def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChang
     after, turn = _with_inserted(known, best.together, best.amount)
     left = _robust(since.errors(after)) / base
     return ChainChange(parts=best.parts(), before=known, after=after, turn=turn, left=left)
-
-
-def changed_between(
-    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray]
-) -> tuple[bool, ChainChange | None]:
-    """What changed between two recordings of one robot: readings and sensations of each.
-
-    Returns:
-        Whether touches of the first one accept a chain, and what changed of it, if anything.
-    """
-    # Every other touch says how exact places are.
-    chain = found_chain(*(some[::2] for some in before))
-    if chain is None or not len(after[0]):
-        return False, None
-    usual = before[0][1::2], before[1][1::2]
-    return True, explained(chain, *foretold(chain, usual, after))

@@ -299,6 +299,23 @@ class BodyModel(Record):
             found[rows] = self._nearest(self._of_touchers(q[rows], target[rows]), target[rows])
         return found
 
+    def touched_by(self, q: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """`(n,)` the toucher that comes nearest to the place of the target; -1 if that is unknown.
+
+        Args:
+            q: `(n, J)` readings of the joints.
+            target: `(n,)` target sensations.
+        """
+        found = np.full(len(q), -1)
+        if len(self.toucher_link) == 0:
+            return found
+        known = np.isfinite(self.kernel_place[target]).all(axis=1)
+        for part in np.unique(self.kernel_part[target[known]]):
+            rows = np.flatnonzero(known & (self.kernel_part[target] == part))
+            places = self._of_touchers(q[rows], target[rows])
+            found[rows] = nearest_toucher(places, self.kernel_place, self.kernel_part, target[rows])
+        return found
+
     def target_at(self, part: int, place: Sequence[float]) -> int:
         """The target sensation that is felt nearest to a place on a part.
 

@@ -8,7 +8,6 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.chain_change import (
     Change,
-    changed_between,
     explained,
     foretold,
 )
@@ -144,15 +143,3 @@ def test_two_things_that_changed_are_told_where_one_is_not_enough(known, usual):
     assert found_zeros == pytest.approx({0: 0.15, 3: -0.2}, abs=0.03)
     now, _ = change.moved(q, np.full(4, -2.0), np.full(4, 2.0))
     np.testing.assert_allclose(change.as_before(now, np.full(4, -2.0), np.full(4, 2.0)), q)
-
-
-def test_two_recordings_of_one_robot_say_what_moved_in_between():
-    before = ArmOnBall().touches(800)
-    q, felt = ArmOnBall().touches(NUM_SINCE, seed=6)
-    q[:, 2] -= 0.1
-    knows, change = changed_between(before, (q, felt))
-    assert knows
-    said = change.said(["shoulder", "elbow", "forearm", "wrist"])
-    assert said.startswith("the zero of joint forearm moved by +0.1")
-    mixed = np.random.default_rng(0).permutation(before[0])
-    assert changed_between((mixed, before[1]), (q, felt)) == (False, None)
