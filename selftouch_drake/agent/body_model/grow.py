@@ -33,6 +33,9 @@ from selftouch_drake.agent.body_model.structure import (
 from selftouch_drake.agent.body_model.touchers import spread
 from selftouch_drake.agent.body_model.who_touched import started
 
+# A body that explains some of a new part is bundled so often at most, and must not explain so much
+# less of any other part then.
+_MOST_BUNDLES, _WORSE = 3, 0.05
 # Touches that a chain is searched with, and that a bundle is refined with while the tree grows.
 _SEARCHED, _BUNDLED = 20_000, 15_000
 # Touches by which hands are told apart: all of some kernels, for densities need many of each. With
@@ -210,7 +213,10 @@ class _Grower:
         own, solution = spread(own, solution, part, MOST_TOUCHERS, self.search.random)
         if explained(own, solution, part) < _SEED_OF_SEVERAL:
             return None
-        return replace(chain, twists=solution.twists[None], points=solution.points[None])
+        return replace(
+            chain, twists=solution.twists[None], points=solution.points[None],
+            loss=solution.criterion[[part]][None],
+        )  # fmt: skip
 
     def look_again(self, part: int) -> bool:
         """Looks for more chains of a part that has one, and keeps the sharpest; whether it is new.
@@ -219,9 +225,9 @@ class _Grower:
         """
         before = self.chains[part]
         for body in found_chains(self.search, self.groups[part], self.holding[part]):
-            if float(body.loss.sum()) < self._loss(part):
-                proved = self._proved(body, self.groups[part].rows, part)
-                self.chains[part] = self.chains[part] if proved is None else proved
+            proved = self._proved(body, self.groups[part].rows, part)
+            if proved is not None and proved.loss.sum() < self._loss(part):
+                self.chains[part] = proved
         return self.chains[part] is not before
 
     def _loss(self, part: int) -> float:
@@ -294,19 +300,54 @@ class _Grower:
             proved = self._proved(chain, own.rows, part)
             if proved is chain:
                 return chain
-            if proved is not None and (best is None or chain.loss.sum() < best.loss.sum()):
+            if proved is not None and (best is None or proved.loss.sum() < best.loss.sum()):
                 best = proved
         return best
 
     def with_hung(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with those parts hung that need nothing new; None if there are none."""
-        added = False
+        added, nearly = False, list[tuple[float, int, Mechanism]]()
         for part in waiting:
             best = hung(self._training, body, part, self.search.random)
             self.search.tick()
             if best is not None and best[0] > _JOINS:
                 body, added = best[1], True
-        return self.bundled(body) if added else None
+            elif best is not None and not set(self.held[part]) - set(body.links.ends):
+                nearly.append((best[0], part, best[1]))
+        if added:
+            return self.bundled(body)
+        for share, part, bigger in sorted(nearly, key=lambda one: -one[0]):
+            if share > _HOPE:
+                some = dense_rows(self.scene.target, self.rows[part], self.search.random)
+                settled = self._settled(body, bigger, part, some)
+                if settled is not None:
+                    return settled
+        return None
+
+    def _settled(
+        self, body: Mechanism, bigger: Mechanism, part: int, rows: np.ndarray
+    ) -> Mechanism | None:
+        """The body with a part, bundled until it explains some of its touches; or None.
+
+        Parts that the body has must not be explained worse: a part at a wrong link bends the rest.
+        """
+        for _ in range(_MOST_BUNDLES):
+            bigger = self.bundled(bigger)
+            share = self._explained(bigger, part, rows)
+            if share < _HOPE:
+                return None
+            if share > _JOINS:
+                return bigger if self._keeps(body, bigger) else None
+        return None
+
+    def _keeps(self, body: Mechanism, bigger: Mechanism) -> bool:
+        """Whether a bigger body explains all parts of a body as well."""
+        for part in body.links.part:
+            rows = dense_rows(self.scene.target, self.rows[part], self.search.random)
+            before, after = (self._explained(one, part, rows) for one in (body, bigger))
+            if after < before - _WORSE:
+                return False
+        return True
 
     def with_attached(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with one part that brings new joints; None if there is none."""
@@ -317,9 +358,9 @@ class _Grower:
                 some = dense_rows(self.scene.target, self.rows[part], self.search.random)
                 if self._explained(bigger, part, some) > _JOINS:
                     return self.bundled(bigger)
-                bigger = self.bundled(bigger)
-                if self._explained(bigger, part, some) > _JOINS:
-                    return bigger
+                settled = self._settled(body, bigger, part, some)
+                if settled is not None:
+                    return settled
         return None
 
     def _attachments(self, body: Mechanism, part: int) -> Iterator[Mechanism]:
