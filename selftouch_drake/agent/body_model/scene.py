@@ -97,7 +97,7 @@ class Solution:
             outlier.
         place: `(K, 3)` places of kernels; NaN where nothing was met.
         normal: `(K, 3)` of the skin, without a side; NaN likewise.
-        sigma: `(P, 2)` noise of each part across and along the normal; NaN where nothing was met.
+        sigma: `(P,)` noise of places of each part, each way; NaN where nothing was met.
         frequency: `(P, U)` share of the part's touches that each toucher made.
         criterion: `(P,)` logarithm of the noise's volume less that of the total scatter.
         sizes: surfaces of the touchers; None: all are points.
