@@ -209,7 +209,6 @@ class _Grower:
             return chain
         if share < _HOPE:
             return None
-        solution = refined(own, solution, steps=6, tick=self.search.tick)
         own, solution = spread(own, solution, part, MOST_TOUCHERS, self.search.random)
         if explained(own, solution, part) < _SEED_OF_SEVERAL:
             return None

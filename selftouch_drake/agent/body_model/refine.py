@@ -1,10 +1,9 @@
 """The least-squares finish: joints, points of touchers and places of kernels together.
 
-Places are free, one for each kernel whoever touched it, and eliminated: at given joints the best
-place is a weighted mean. What is minimised is, over parts, the logarithm of the noise's volume less
-that of the total scatter, which has no scale. Noise is the same each way, and not less along the
-skin's normal, although a kernel is flat: a hand is no point, and joints that bend the skin a little
-made noise along normals nearly vanish, at the cost of that across.
+Noise is as it is: a kernel is flat along the skin's normal, so residuals along normals weigh more.
+Its places are free, one for each kernel whoever touched it, and eliminated: at given joints the
+best place is a weighted mean. What is minimised is, over parts, the logarithm of the noise's volume
+less that of the total scatter, which has no scale.
 """
 
 from collections.abc import Callable
@@ -22,7 +21,7 @@ from selftouch_drake.agent.body_model.scene import (
     solution_places,
     way_arrays,
 )
-from selftouch_drake.agent.body_model.who_touched import expected, settled, total_scatter
+from selftouch_drake.agent.body_model.who_touched import expected, metric, settled, total_scatter
 
 # Damping of the Gauss-Newton steps, relative to the largest eigenvalue, and how often it grows.
 _DAMPING, _MOST_TRIES = 1e-7, 6
@@ -54,12 +53,11 @@ def equations(scene: Scene, solution: Solution) -> Equations:
     scores = np.zeros((number, size))
     mean_slope, mass = np.zeros((number, 3, size)), np.zeros(number)
     per_part = len(scene.parts)
-    precision = np.zeros(number)
+    W = np.zeros((number, 3, 3))
     for part in scene.parts:
         rows = scene.rows(part)
         touchers = scene.touchers(part)
-        own_precision = 1 / solution.sigma[part] ** 2
-        precision[scene.part == part] = own_precision
+        W[scene.part == part] = metric(solution.normal, solution.sigma[part])[scene.part == part]
         solved = []
         for toucher in touchers:
             kept = rows[solution.share[rows, toucher] > 1e-3]
@@ -87,12 +85,12 @@ def equations(scene: Scene, solution: Solution) -> Equations:
             target = scene.target[kept]
             factor = 2 * weight / free / per_part
             r, t = y - solution.place[target], y - center
-            pull = own_precision * r - (free / count) * t @ total_inverse
+            pull = np.einsum("nab,nb->na", W[target], r) - (free / count) * t @ total_inverse
             own = np.einsum("n,na,nap->np", factor, pull, slope)
             sums = kernel_sums(own, target, number)
             scores[:, columns] += sums
-            root = np.sqrt(own_precision * factor)[:, None, None]
-            tall = (root * slope).reshape(-1, len(columns))
+            root = np.linalg.cholesky(W[target]).swapaxes(1, 2) * np.sqrt(factor)[:, None, None]
+            tall = (root @ slope).reshape(-1, len(columns))
             hessian[np.ix_(columns, columns)] += tall.T @ tall
             flat = (factor[:, None, None] * slope).reshape(len(kept), 3 * len(columns))
             mean_slope[:, :, columns] += kernel_sums(flat, target, number).reshape(
@@ -102,8 +100,8 @@ def equations(scene: Scene, solution: Solution) -> Equations:
     gradient = scores.sum(axis=0)
     has = mass > 0
     mean = mean_slope[has] / mass[has][:, None, None]
-    root = np.sqrt(precision[has] * mass[has])[:, None, None]
-    tall = (root * mean).reshape(-1, size)
+    root = np.linalg.cholesky(W[has]).swapaxes(1, 2) * np.sqrt(mass[has])[:, None, None]
+    tall = (root @ mean).reshape(-1, size)
     return Equations(gradient, hessian - tall.T @ tall, scores)
 
 

@@ -47,6 +47,11 @@ class Scene:
         met = set(self.part[self.target].tolist())
         return sorted({part for part, _ in self.ways} & met)
 
+    @property
+    def blunt(self) -> bool:
+        """Whether several points of one link touch: a hand that is no point."""
+        return len({(part, way) for (part, _), way in self.ways.items()}) < len(self.ways)
+
     def touchers(self, part: int) -> np.ndarray:
         """Touchers that may touch a part."""
         return np.array(sorted(u for p, u in self.ways if p == part), dtype=int)
@@ -97,7 +102,7 @@ class Solution:
             outlier.
         place: `(K, 3)` places of kernels; NaN where nothing was met.
         normal: `(K, 3)` of the skin, without a side; NaN likewise.
-        sigma: `(P,)` noise of places of each part, each way; NaN where nothing was met.
+        sigma: `(P, 2)` noise of each part across and along the normal; NaN where nothing was met.
         frequency: `(P, U)` share of the part's touches that each toucher made.
         criterion: `(P,)` logarithm of the noise's volume less that of the total scatter.
         sizes: surfaces of the touchers; None: all are points.

@@ -9,7 +9,7 @@ from selftouch_drake.agent.body_model.chain import derivatives
 from selftouch_drake.agent.body_model.fit import Way
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, Solution, all_places
-from selftouch_drake.agent.body_model.who_touched import expected, started
+from selftouch_drake.agent.body_model.who_touched import expected, metric, started
 
 #: A further point is added only if the negative log-likelihood of held-out labels falls by more,
 #: in nats per touch. Measured on one and two fingers: 0.4 for a true one, 0.01 for a false one.
@@ -46,11 +46,12 @@ def label_loss(scene: Scene, solution: Solution, part: int, counts: np.ndarray) 
     touchers = scene.touchers(part)
     Y = all_places(scene.some(rows), solution.twists, solution.points)[touchers]
     kernels = np.flatnonzero(np.isfinite(solution.place).all(axis=1) & (scene.part == part))
+    W = metric(solution.normal[kernels], solution.sigma[part])
     prior = counts[kernels] / counts[kernels].sum()
     log = np.full((len(rows), len(kernels)), -np.inf)
     for index, toucher in enumerate(touchers):
         r = Y[index][:, None] - solution.place[kernels][None]
-        far = (r**2).sum(axis=2) / solution.sigma[part] ** 2
+        far = np.einsum("nka,kab,nkb->nk", r, W, r, optimize=True)
         share = solution.frequency[part, toucher]
         log = np.logaddexp(log, np.log(share + 1e-9) - 0.5 * far + np.log(prior + 1e-12))
     log -= log.max(axis=1, keepdims=True)

@@ -30,7 +30,7 @@ def started(scene: Scene, twists: np.ndarray, points: np.ndarray) -> Solution:
         twists, points,
         np.zeros((len(scene.q), len(points))),
         np.full((num_kernels, 3), np.nan), np.full((num_kernels, 3), np.nan),
-        np.full(num_parts, np.nan), np.zeros((num_parts, len(points))),
+        np.full((num_parts, 2), np.nan), np.zeros((num_parts, len(points))),
         np.full(num_parts, np.nan),
     )  # fmt: skip
     Y = all_places(scene, twists, points)
@@ -87,6 +87,14 @@ def _densest(Y: np.ndarray, target: np.ndarray, number: int, most: int = 60) -> 
     return share
 
 
+def metric(normal: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """`(n, 3, 3)` inverse covariances: flat along the normals; round where these are unknown."""
+    known = np.isfinite(normal).all(axis=1)
+    n = np.where(known[:, None], normal, 0.0)
+    across, along = 1 / sigma[0] ** 2, 1 / sigma[1] ** 2
+    return across * np.eye(3) + (along - across) * n[:, :, None] * n[:, None, :]
+
+
 def expected(
     scene: Scene, solution: Solution, rounds: int = 2, Y: np.ndarray | None = None
 ) -> Solution:
@@ -129,11 +137,12 @@ def probabilities(
         weight: `(K,)` touches that made each kernel's place, if these are among them.
     """
     sigma = solution.sigma[part]
+    W = metric(solution.normal, sigma)[target]
     frequency = solution.frequency[part][touchers]
     outliers = max(1 - frequency.sum(), _FEWEST_OUTLIERS)
     known = Y.reshape(-1, 3)
     # Outliers spread at least as noise does: a chain in a plane spreads in two dimensions only.
-    noise = max(sigma**2, 1e-12) * np.eye(3)
+    noise = max(sigma[0] ** 2, 1e-12) * np.eye(3)
     spread = np.linalg.slogdet(np.cov(known[np.isfinite(known).all(axis=1)].T) + noise)[1]
     # One of n touches pulls the mean of n towards itself.
     pull = 1.0 if weight is None else np.maximum(weight[target], 1.0)
@@ -141,8 +150,9 @@ def probabilities(
     logs = [np.full(len(target), np.log(outliers) - 0.5 * spread - 1.5)]
     for index, places_of_one in enumerate(Y):
         r = places_of_one - solution.place[target]
-        far = lone * (r**2).sum(axis=1) / sigma**2
-        log = np.log(frequency[index] + 1e-9) - 0.5 * far - 3 * np.log(sigma)
+        far = lone * np.einsum("ni,nij,nj->n", r, W, r)
+        volume = 2 * np.log(sigma[0]) + np.log(sigma[1])
+        log = np.log(frequency[index] + 1e-9) - 0.5 * far - volume
         logs.append(np.where(np.isfinite(log), log, -np.inf))
     stacked = np.stack(logs, axis=1)
     stacked = np.exp(stacked - stacked.max(axis=1, keepdims=True))
@@ -167,18 +177,28 @@ def settled(
     for part in scene.parts:
         rows = scene.rows(part)
         target, own = scene.target[rows], share[rows]
-        squares, cloud = 0.0, []
+        n = np.nan_to_num(normal[target])
+        along = across = 0.0
+        total, cloud = own.sum(), []
         for toucher in range(len(Y)):
             if (part, toucher) not in scene.ways:
                 continue
             r = np.nan_to_num(Y[toucher, rows] - place[target])
-            squares += (own[:, toucher] * (r**2).sum(axis=1)).sum()
+            high = np.einsum("na,na->n", r, n)
+            along += (own[:, toucher] * high**2).sum()
+            across += (own[:, toucher] * ((r**2).sum(axis=1) - high**2)).sum()
             cloud.append((Y[toucher, rows], own[:, toucher]))
         # Each kernel's mean takes the freedom of one of its touches.
-        total, kernels = own.sum(), (mass[scene.part == part] > 0.5).sum()
-        sigma[part] = np.sqrt(max(squares / 3 / max(total - kernels, 1.0), 1e-12))
+        kernels = (mass[scene.part == part] > 0.5).sum()
+        free = max(total - kernels, 1.0)
+        sigma[part] = np.sqrt(np.maximum([across / 2 / free, along / free], 1e-12))
+        if scene.blunt:
+            # What a hand's points leave is as large along normals. Were it less, joints would bend
+            # the skin until it is, at the cost of what is across.
+            sigma[part] = np.sqrt(max((across + along) / 3 / free, 1e-12))
         frequency[part] = own.mean(axis=0)
-        criterion[part] = 6 * np.log(sigma[part]) - np.linalg.slogdet(total_scatter(cloud)[1])[1]
+        volume = 2 * np.sum(np.log(sigma[part]) * [2, 1])
+        criterion[part] = volume - np.linalg.slogdet(total_scatter(cloud)[1])[1]
     return replace(
         solution, place=place, normal=normal, sigma=sigma, frequency=frequency, criterion=criterion
     )
