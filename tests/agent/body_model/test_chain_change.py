@@ -154,5 +154,7 @@ def test_two_recordings_of_one_robot_say_what_moved_in_between():
     assert knows
     said = change.said(["shoulder", "elbow", "forearm", "wrist"])
     assert said.startswith("the zero of joint forearm moved by +0.1")
-    mixed = np.random.default_rng(0).permutation(before[0])
-    assert changed_between((mixed, before[1]), (q, felt)) == (False, None)
+    # Half of them would do, if they were not mixed.
+    q_before, felt_before = before[0][:400], before[1][:400]
+    mixed = np.random.default_rng(0).permutation(q_before)
+    assert changed_between((mixed, felt_before), (q, felt)) == (False, None)
