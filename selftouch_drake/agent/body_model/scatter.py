@@ -8,9 +8,7 @@ is that of fixed weights.
 
 With few touches, sensations take the place of kernels: places should be a smooth function of them.
 
-What is summed here is summed in double precision, in the order of the code. Sums are local numbers,
-and what a loop only reads is read before it: an array that may overlap with another is read anew at
-each turn.
+What is summed here is summed in double precision, in the order of the code.
 """
 
 import math
@@ -69,22 +67,27 @@ def _means(x, weights, means, num_kernels, members):
 
 
 @inner
+def _add_square(S, u, r0, r1, r2):
+    """Adds u times the square of a vector to the upper half of `(3, 3)` S."""
+    S[0, 0] += u * r0 * r0
+    S[0, 1] += u * r0 * r1
+    S[0, 2] += u * r0 * r2
+    S[1, 1] += u * r1 * r1
+    S[1, 2] += u * r1 * r2
+    S[2, 2] += u * r2 * r2
+
+
+@inner
 def _scatter(x, weights, means, num_kernels, members, S):
     """Weighted means of kernels, and the weighted scatter around them."""
     count = num_kernels * members
-    s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    S[:] = 0.0
     _means(x, weights, means, num_kernels, members)
     for kernel in range(num_kernels):
         m0, m1, m2 = means[kernel, 0], means[kernel, 1], means[kernel, 2]
         for i in range(kernel * members, (kernel + 1) * members):
             r0, r1, r2, u = x[0, i] - m0, x[1, i] - m1, x[2, i] - m2, weights[i]
-            s00 += u * r0 * r0
-            s01 += u * r0 * r1
-            s02 += u * r0 * r2
-            s11 += u * r1 * r1
-            s12 += u * r1 * r2
-            s22 += u * r2 * r2
-    S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2] = s00, s01, s02, s11, s12, s22
+            _add_square(S, u, r0, r1, r2)
     scale = members / (members - 1.0) / count
     for a in range(3):
         for b in range(a, 3):
@@ -96,17 +99,15 @@ def _scatter(x, weights, means, num_kernels, members, S):
 def _reweighed(x, weights, means, inverse, num_kernels, members, tail):
     """Weights of a Student distribution; returns the mean of its logarithms."""
     total = 0.0
-    v00, v01, v02 = inverse[0, 0], inverse[0, 1], inverse[0, 2]
-    v11, v12, v22 = inverse[1, 1], inverse[1, 2], inverse[2, 2]
     for kernel in range(num_kernels):
         m0, m1, m2 = means[kernel, 0], means[kernel, 1], means[kernel, 2]
         for i in range(kernel * members, (kernel + 1) * members):
             r0, r1, r2 = x[0, i] - m0, x[1, i] - m1, x[2, i] - m2
             d = (
-                v00 * r0 * r0
-                + v11 * r1 * r1
-                + v22 * r2 * r2
-                + 2 * (v01 * r0 * r1 + v02 * r0 * r2 + v12 * r1 * r2)
+                inverse[0, 0] * r0 * r0
+                + inverse[1, 1] * r1 * r1
+                + inverse[2, 2] * r2 * r2
+                + 2 * (inverse[0, 1] * r0 * r1 + inverse[0, 2] * r0 * r2 + inverse[1, 2] * r1 * r2)
             )
             weights[i] = (tail + 3) / (tail + d)
             total += math.log(1 + d / tail)
@@ -116,25 +117,19 @@ def _reweighed(x, weights, means, inverse, num_kernels, members, tail):
 @inner
 def _spread(x, weights, count, center, S):
     """Weighted mean and scatter of all places."""
-    total, c0, c1, c2 = 0.0, 0.0, 0.0, 0.0
+    total = 0.0
+    center[:] = 0.0
+    S[:] = 0.0
     for i in range(count):
         u = weights[i]
         total += u
-        c0 += u * x[0, i]
-        c1 += u * x[1, i]
-        c2 += u * x[2, i]
-    c0, c1, c2 = c0 / total, c1 / total, c2 / total
-    center[0], center[1], center[2] = c0, c1, c2
-    s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        center[0] += u * x[0, i]
+        center[1] += u * x[1, i]
+        center[2] += u * x[2, i]
+    center[0], center[1], center[2] = center[0] / total, center[1] / total, center[2] / total
     for i in range(count):
-        r0, r1, r2, u = x[0, i] - c0, x[1, i] - c1, x[2, i] - c2, weights[i]
-        s00 += u * r0 * r0
-        s01 += u * r0 * r1
-        s02 += u * r0 * r2
-        s11 += u * r1 * r1
-        s12 += u * r1 * r2
-        s22 += u * r2 * r2
-    S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2] = s00, s01, s02, s11, s12, s22
+        r0, r1, r2, u = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2], weights[i]
+        _add_square(S, u, r0, r1, r2)
     for a in range(3):
         for b in range(a, 3):
             S[a, b] /= total
@@ -165,16 +160,17 @@ def criterion_of_kernels(x, slopes, within, sizes, tail, factor, scratch):
         mass += weights[i]
     inner_factor = 2 * factor * members / (members - 1.0) / count
     outer_factor = 2 * factor / mass
-    c0, c1, c2 = center[0], center[1], center[2]
     for kernel in range(num_kernels):
         m0, m1, m2 = means[kernel, 0], means[kernel, 1], means[kernel, 2]
-        for a in range(3):
-            v0, v1, v2 = inverse[a, 0], inverse[a, 1], inverse[a, 2]
-            w0, w1, w2 = total_inverse[a, 0], total_inverse[a, 1], total_inverse[a, 2]
-            for i in range(kernel * members, (kernel + 1) * members):
-                towards_mean = v0 * (x[0, i] - m0) + v1 * (x[1, i] - m1) + v2 * (x[2, i] - m2)
-                outwards = w0 * (x[0, i] - c0) + w1 * (x[1, i] - c1) + w2 * (x[2, i] - c2)
-                slopes[a, i] = weights[i] * (inner_factor * towards_mean - outer_factor * outwards)
+        for i in range(kernel * members, (kernel + 1) * members):
+            u, r0, r1, r2 = weights[i], x[0, i] - m0, x[1, i] - m1, x[2, i] - m2
+            t0, t1, t2 = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2]
+            for a in range(3):
+                towards_mean = inverse[a, 0] * r0 + inverse[a, 1] * r1 + inverse[a, 2] * r2
+                outwards = (
+                    total_inverse[a, 0] * t0 + total_inverse[a, 1] * t1 + total_inverse[a, 2] * t2
+                )
+                slopes[a, i] = u * (inner_factor * towards_mean - outer_factor * outwards)
     return value
 
 
@@ -218,26 +214,15 @@ def _settled(x, within, sizes, tail, scratch):
 def _applied(precision, x, out):
     """The symmetric precision times the places, `(3, N)` both."""
     number = len(precision)
-    whole = number - number % 4
-    x0, x1, x2, out0, out1, out2 = x[0], x[1], x[2], out[0], out[1], out[2]
     out[:, :number] = 0.0
-    # Four rows at once, so that sums are read and written a quarter as often: each keeps its order,
-    # and the loop still becomes vectors.
-    for i in range(0, whole, 4):
-        a, b, c, d = precision[i], precision[i + 1], precision[i + 2], precision[i + 3]
-        a0, b0, c0, d0 = x0[i], x0[i + 1], x0[i + 2], x0[i + 3]
-        a1, b1, c1, d1 = x1[i], x1[i + 1], x1[i + 2], x1[i + 3]
-        a2, b2, c2, d2 = x2[i], x2[i + 1], x2[i + 2], x2[i + 3]
+    for i in range(number):
+        row = precision[i]
+        x0, x1, x2 = x[0, i], x[1, i], x[2, i]
+        # Each sum keeps its order, and the loop still becomes vectors.
         for j in range(number):
-            out0[j] = out0[j] + a[j] * a0 + b[j] * b0 + c[j] * c0 + d[j] * d0
-            out1[j] = out1[j] + a[j] * a1 + b[j] * b1 + c[j] * c1 + d[j] * d1
-            out2[j] = out2[j] + a[j] * a2 + b[j] * b2 + c[j] * c2 + d[j] * d2
-    for i in range(whole, number):
-        row, a0, a1, a2 = precision[i], x0[i], x1[i], x2[i]
-        for j in range(number):
-            out0[j] += row[j] * a0
-            out1[j] += row[j] * a1
-            out2[j] += row[j] * a2
+            out[0, j] += row[j] * x0
+            out[1, j] += row[j] * x1
+            out[2, j] += row[j] * x2
 
 
 @inner
@@ -259,27 +244,23 @@ def criterion_of_sensations(x, slopes, precision, factor, scratch):
     _spread(x, weights, count, center, total)
     _applied(precision, x, slopes)
     for a in range(3):
-        p0, p1, p2 = 0.0, 0.0, 0.0
-        for i in range(count):
-            p0 += x[a, i] * slopes[0, i]
-            p1 += x[a, i] * slopes[1, i]
-            p2 += x[a, i] * slopes[2, i]
-        within[a, 0], within[a, 1], within[a, 2] = p0 / count, p1 / count, p2 / count
+        for b in range(3):
+            product = 0.0
+            for i in range(count):
+                product += x[a, i] * slopes[b, i]
+            within[a, b] = product / count
     floor = _FLOOR * (total[0, 0] + total[1, 1] + total[2, 2])
     for a in range(3):
         within[a, a] += floor
         total[a, a] += floor
     value = _invert(within, inverse) - _invert(total, total_inverse)
     step = 2 * factor / count
-    v00, v01, v02 = inverse[0, 0], inverse[0, 1], inverse[0, 2]
-    v11, v12, v22 = inverse[1, 1], inverse[1, 2], inverse[2, 2]
-    w00, w01, w02 = total_inverse[0, 0], total_inverse[0, 1], total_inverse[0, 2]
-    w11, w12, w22 = total_inverse[1, 1], total_inverse[1, 2], total_inverse[2, 2]
-    c0, c1, c2 = center[0], center[1], center[2]
     for i in range(count):
         s0, s1, s2 = slopes[0, i], slopes[1, i], slopes[2, i]
-        t0, t1, t2 = x[0, i] - c0, x[1, i] - c1, x[2, i] - c2
-        slopes[0, i] = step * ((v00 * s0 + v01 * s1 + v02 * s2) - (w00 * t0 + w01 * t1 + w02 * t2))
-        slopes[1, i] = step * ((v01 * s0 + v11 * s1 + v12 * s2) - (w01 * t0 + w11 * t1 + w12 * t2))
-        slopes[2, i] = step * ((v02 * s0 + v12 * s1 + v22 * s2) - (w02 * t0 + w12 * t1 + w22 * t2))
+        t0, t1, t2 = x[0, i] - center[0], x[1, i] - center[1], x[2, i] - center[2]
+        for a in range(3):
+            slopes[a, i] = step * (
+                (inverse[a, 0] * s0 + inverse[a, 1] * s1 + inverse[a, 2] * s2)
+                - (total_inverse[a, 0] * t0 + total_inverse[a, 1] * t1 + total_inverse[a, 2] * t2)
+            )
     return value
