@@ -44,7 +44,7 @@ class FeltTwice:
 def felt_twice(
     representation: QuotientRepresentation, kernel: np.ndarray, sensation: csr_array
 ) -> FeltTwice | None:
-    """Touches of two sides, if there are more of these than of one.
+    """Touches of two sides, if there are more of these than of one, and hands made them.
 
     Args:
         representation: what was learned.
@@ -59,6 +59,8 @@ def felt_twice(
         return None
     size = np.bincount(representation.part)
     hands = _hands(part[pair], size)
+    if not hands:
+        return None
     is_hand = np.isin(part[pair], hands)
     one = is_hand.sum(axis=1) == 1
     of_hand, touched = (pair[one][is_hand[one] == side] for side in (True, False))

@@ -53,6 +53,13 @@ def test_touches_of_one_side_are_left_out_and_decide_if_they_are_most():
     assert felt_twice(*stored(along, alone=300)) is None
 
 
+def test_without_a_hand_touches_are_taken_as_ever():
+    # Three skins that touch each other alike.
+    pairs = np.repeat([(0, 1), (1, 2), (0, 2)], 10, axis=0)
+    representation = SimpleNamespace(part=np.arange(3), kernel_row=np.repeat(np.arange(30), 2))
+    assert felt_twice(representation, pairs.ravel(), csr_array((60, 3))) is None
+
+
 def test_a_hand_of_few_receptors_is_a_point():
     representation, kernel, felt = stored(np.full(100, 0.5))
     assert felt_twice(representation, kernel, felt).along.shape[1] == 0
