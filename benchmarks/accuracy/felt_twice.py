@@ -1,10 +1,12 @@
 """A body from touches that both skins feel, with and without what the hand felt.
 
     python benchmarks/accuracy/felt_twice.py --seeds 1 2 3 --sizes 0.9 0.4
+    python benchmarks/accuracy/felt_twice.py --lesson --touches 300 1000 --seeds 1 2 3
 
 The right arm and the trunk of a body of `both_sides.py`: a bent square of skin, a hand, is met
 anywhere where it crosses the trunk's shell. `size` is half its side; the trunk's half axes are 2.2,
-1.5 and 3. An agent learns from both skins (`both`), and from the trunk's alone (`one`).
+1.5 and 3. An agent learns from both skins (`both`), and from the trunk's alone (`one`). With
+--lesson the body is looked for as `selftouch teach` does, and places are those of receptors.
 
 - parts: how many it told apart (two skins, and perhaps rims);
 - accepted: whether held-out touches agree with the body found, on the trunk;
@@ -13,6 +15,7 @@ anywhere where it crosses the trunk's shell. `size` is half its side; the trunk'
 """
 
 import argparse
+import itertools
 import time
 from pathlib import Path
 from sys import path as search_path
@@ -26,6 +29,7 @@ from benchmarks.shared.results import add_update_option, results
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body_model.asking import kernel_of_rows
 from selftouch_drake.agent.body_model.model import BodyModel
+from selftouch_drake.agent.lesson import ask
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 # How far a touching point may be off the shell, rad of noise, reach of a receptor, and half the
@@ -62,16 +66,21 @@ def pressed(receptors: np.ndarray, contact: np.ndarray) -> np.ndarray:
     return felt.astype(np.float32)
 
 
-def beside_truth(
-    model: BodyModel, learned: QuotientRepresentation, body: Made, there: np.ndarray
-) -> dict[str, object]:
-    """Places and axes beside the true ones."""
-    kernel, place = kernel_of_rows(learned), there[learned.kernel_row]
-    size = len(model.kernel_place)
+def kernels_met(learned: QuotientRepresentation, there: np.ndarray) -> np.ndarray:
+    """`(K, 3)` mean place of the touches `(n, 3)` of each kernel."""
+    kernel, place, size = kernel_of_rows(learned), there[learned.kernel_row], learned.num_targets
     sums = np.stack([np.bincount(kernel, axis, size) for axis in place.T], axis=1)
-    true = sums / np.maximum(np.bincount(kernel, minlength=size), 1)[:, None]
-    known = np.isfinite(model.kernel_place).all(axis=1)
-    own, true = (one[known] - one[known].mean(axis=0) for one in (model.kernel_place, true))
+    return sums / np.maximum(np.bincount(kernel, minlength=size), 1)[:, None]
+
+
+def beside_truth(
+    model: BodyModel, place: np.ndarray, true: np.ndarray, body: Made
+) -> dict[str, object]:
+    """Places `(n, 3)` and axes beside the true ones; nothing if no place is known."""
+    if not np.isfinite(place).any():
+        return dict.fromkeys(("places", "places_worst", "axes_deg"), "")
+    known = np.isfinite(place).all(axis=1)
+    own, true = (one[known] - one[known].mean(axis=0) for one in (place, true))
     u, s, vt = np.linalg.svd(own.T @ true)
     off = np.linalg.norm(s.sum() / (own**2).sum() * own @ u @ vt - true, axis=1)
     off *= 100 / np.linalg.norm(np.ptp(true, axis=0))
@@ -91,33 +100,38 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2, 3])
     parser.add_argument("--sizes", nargs="*", type=float, default=[0.9, 0.4])
-    parser.add_argument("--touches", type=int, default=12_000)
+    parser.add_argument("--touches", nargs="*", type=int, default=[12_000])
     parser.add_argument("--targets", type=int, default=160)
+    parser.add_argument("--lesson", action="store_true", help="as `selftouch teach`")
     add_update_option(parser, "felt_twice")
     given = parser.parse_args()
-    with results("felt_twice", update=given.update) as add:
-        for size in given.sizes:
-            for seed in given.seeds:
-                body, q, own, there = touches(seed, given.touches, size)
-                trunk = pressed(body.places["trunk"], there)
-                hand = pressed(body.places["right_skin"], own)
-                for way, felt in (("both", np.hstack([trunk, hand])), ("one", trunk)):
-                    began = time.process_time()
+    cases = itertools.product(given.sizes, given.seeds, given.touches)
+    with results("felt_twice_lesson" if given.lesson else "felt_twice", update=given.update) as add:
+        for size, seed, number in cases:
+            body, q, own, there = touches(seed, number, size)
+            trunk = pressed(body.places["trunk"], there)
+            hand = pressed(body.places["right_skin"], own)
+            for way, felt in (("both", np.hstack([trunk, hand])), ("one", trunk)):
+                began = time.process_time()
+                row: dict[str, object] = {"size": size, "seed": seed, "skins": way}
+                row |= {"joints": q.shape[1]}
+                if given.lesson:
+                    model = ask(q, felt, [f"joint {n}" for n in range(q.shape[1])])
+                    assert model is not None, f"{number} touches are too few"
+                    place, true = model.receptor_place[: len(trunk[0])], body.places["trunk"]
+                    row |= {"touches": number, "accepted": model.accepted}
+                else:
                     agent = Agent.learn(q, felt, num_targets=given.targets, seed=0)
-                    model = agent.find_body_model()
-                    learned = agent.representation
-                    row: dict[str, object] = {"size": size, "seed": seed, "skins": way}
+                    model, learned = agent.find_body_model(), agent.representation
+                    place, true = model.kernel_place, kernels_met(learned, there)
                     row |= {
-                        "joints": q.shape[1],
                         "parts": int(learned.part.max()) + 1,
                         "accepted": bool(model.accepted_by_part[0]),
                     }
-                    none = dict.fromkeys(("places", "places_worst", "axes_deg"), "")
-                    is_found = np.isfinite(model.kernel_place).any()
-                    row |= beside_truth(model, learned, body, there) if is_found else none
-                    row["cpu_s"] = round(time.process_time() - began)
-                    print(row, flush=True)
-                    add(row)
+                row |= beside_truth(model, place, true, body)
+                row["cpu_s"] = round(time.process_time() - began)
+                print(row, flush=True)
+                add(row)
 
 
 if __name__ == "__main__":

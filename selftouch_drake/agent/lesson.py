@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from selftouch_drake.agent.body_model import few
+from selftouch_drake.agent.body_model.felt_twice import from_one_side, without_last
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.model import BodyModel, JointKind
 from selftouch_drake.agent.body_model.one_limb import Moved, moved_together
@@ -142,11 +143,31 @@ def ask(
 ) -> BodyModel | None:
     """The body model of `(n, J)` configurations and `(n, S)` touches; None if they are too few.
 
-    One part of skin is tried first, and several only where that is rejected.
+    Of touches that a hand feels, too, the other side is explained, and the hand is a point.
     """
     if len(q) < few.FEWEST:
         return None
     readings = np.maximum(sensation, 0).astype(np.float32)
+    side = from_one_side(readings)
+    if side is None or len(side.row) < few.FEWEST:
+        return _asked(q, readings, joint_names, seed, each)
+    added = side.along.shape[1]
+    names = [*joint_names, *(f"{joint_names[0]} along {n}" for n in range(added))]
+    model = _asked(np.hstack([q[side.row], side.along]), side.sensation, names, seed, each)
+    return without_last(model, added)
+
+
+def _asked(
+    q: np.ndarray,
+    readings: np.ndarray,
+    joint_names: Sequence[str],
+    seed: int,
+    each: Callable[..., Iterable],
+) -> BodyModel:
+    """The body model of touches that one side felt.
+
+    One part of skin is tried first, and several only where that is rejected.
+    """
     number = min(len(q) // _PER_TARGET, _MOST_TARGETS)
     targets = target_sensations(readings, number, or_fewer=True)
     label, _ = assign(readings, targets)

@@ -201,9 +201,16 @@ def teach_and_learn(
             return look, None
         run = take_home(lesson, progress)
         # A lesson that has more to say ended because the stream did.
-        if load_body_model(run).accepted or look.steps or look.known.num_touches >= lesson.most:
+        ends = look.steps or look.known.num_touches >= lesson.most
+        if ends or _is_accepted(load_body_model(run)):
             return look, run
         lesson = replace(lesson, fewest=int(_MORE_TOUCHES * look.known.num_touches))
+
+
+def _is_accepted(model: BodyModel) -> bool:
+    """Whether each part is whose touches were explained: of those by hands the other side's are."""
+    accepted = model.accepted_by_part
+    return bool(accepted.any() and accepted[model.num_touches > 0].all())
 
 
 def columns_of(joint_names: Sequence[str]) -> dict[str, str]:

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from selftouch_drake.agent.body_model.both_sides.grain import learned_skin
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.touches import receptors_together
 
 # Hands made all touches of two sides, but for this share: hands touch each other, too.
 _APART = 0.1
@@ -78,6 +79,47 @@ def felt_twice(
         column[rows] = place
         along.append(column)
     return FeltTwice(left_out, np.hstack(along))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OneSide:
+    """Touches by hands with skin, seen from the side that they touch, before any is learned.
+
+    Attributes:
+        row: `(n,)` the touches that one hand made.
+        sensation: `(n, S)` what was felt, without what hands felt.
+        along: `(n, E)` as in `FeltTwice`.
+    """
+
+    row: np.ndarray
+    sensation: np.ndarray
+    along: np.ndarray
+
+
+def from_one_side(sensation: np.ndarray) -> OneSide | None:
+    """`(n, S)` touches of two sides, if most are and hands made them."""
+    together = receptors_together(sensation)
+    if not together.double:
+        return None
+    number, skin = connected_components(together.overlap, directed=False)
+    on = (sensation > 0) @ np.eye(number, dtype=np.float32)[skin] > 0
+    count = on.sum(axis=1)
+    if 2 * np.count_nonzero(count == 2) <= np.count_nonzero(count == 1):
+        return None
+    pair = np.nonzero(on[count == 2])[1].reshape(-1, 2)
+    hands = _hands(pair, np.bincount(skin))
+    by = on[:, hands]
+    row = np.flatnonzero((by.sum(axis=1) == 1) & (count > 1))
+    if not len(row):
+        return None
+    along = []
+    for column, hand in enumerate(hands):
+        mine = by[row, column]
+        place = _along(sensation[row[mine]][:, skin == hand])
+        along.append(np.zeros((len(row), place.shape[1])))
+        along[-1][mine] = place
+    touched = np.where(np.isin(skin, hands), 0, sensation[row])
+    return OneSide(row, touched, np.hstack(along))
 
 
 def _hands(parts: np.ndarray, size: np.ndarray) -> list[int]:

@@ -11,7 +11,12 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.asking import ask_for_model
 from selftouch_drake.agent.body_model.chain import places
-from selftouch_drake.agent.body_model.felt_twice import _hands, felt_twice, without_last
+from selftouch_drake.agent.body_model.felt_twice import (
+    _hands,
+    felt_twice,
+    from_one_side,
+    without_last,
+)
 from selftouch_drake.agent.body_model.find import find_body_model
 
 # A trunk of two kernels and three receptors, a hand of one kernel and nine receptors in a row.
@@ -71,6 +76,35 @@ def test_hands_are_the_fewest_parts_that_take_part_in_all_touches():
     # Either of two may be the hand: the smaller one is taken.
     assert _hands(np.array([(0, 1)] * 9), np.array([50, 9])) == [1]
     assert _hands(np.array([(0, 1), (1, 2), (0, 2)]), np.array([5, 5, 5])) == []
+
+
+def met(hand, trunk):
+    """Readings of a skin of 30 receptors in a row, then of nine, that are met at 0 to 1 along."""
+    felt = [
+        np.maximum(0, 1 - reach * np.abs(np.linspace(0, 1, number) - at[:, None]))
+        for at, number, reach in ((trunk, 30, 10), (hand, HAND, 4))
+    ]
+    return np.hstack(felt)
+
+
+def test_before_anything_is_learned_touches_are_seen_from_the_side_that_hands_touch():
+    random = np.random.default_rng(2)
+    hand, trunk = random.uniform(0, 1, (2, 400))
+    felt = met(hand, trunk)
+    felt[:50, 30:] = 0  # touched by something else
+    side = from_one_side(felt)
+    assert side.row.tolist() == list(range(50, 400))
+    assert (side.sensation[:, 30:] == 0).all()
+    assert (side.sensation[:, :30] == felt[50:, :30]).all()
+    assert abs(np.corrcoef(side.along[:, 0], hand[50:])[0, 1]) > 0.95
+
+
+def test_where_most_touches_have_one_side_all_are_taken_as_they_are():
+    random = np.random.default_rng(2)
+    felt = met(*random.uniform(0, 1, (2, 400)))
+    felt[:300, 30:] = 0
+    assert from_one_side(felt) is None
+    assert from_one_side(felt[:, :30]) is None
 
 
 def test_a_body_is_found_behind_a_broad_hand():
