@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from hand_made_chains import an_arm, misfit, nearest_of
-from made_up import NAMES, made_up_model, readings
+from made_up import NAMES, made_up_model, readings, sphere_points
 from modelled import found_by
 from scipy.sparse import csr_array
+from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.body_model.asking import ask_for_model
 from selftouch_drake.agent.body_model.chain import places
@@ -18,6 +19,7 @@ from selftouch_drake.agent.body_model.felt_twice import (
     without_last,
 )
 from selftouch_drake.agent.body_model.find import find_body_model
+from selftouch_drake.agent.lesson import ask
 
 # A trunk of two kernels and three receptors, a hand of one kernel and nine receptors in a row.
 TRUNK, HAND = 3, 9
@@ -107,7 +109,8 @@ def test_where_most_touches_have_one_side_all_are_taken_as_they_are():
     assert from_one_side(felt[:, :30]) is None
 
 
-def test_a_body_is_found_behind_a_broad_hand():
+def met_by_a_broad_hand(number):
+    """Readings of an arm, where its broad hand was met `(n, 2)`, and where that was `(n, 3)`."""
     random = np.random.default_rng(0)
     twists, point = an_arm()
     # A hand as broad as the reach of the arm, met anywhere.
@@ -117,7 +120,11 @@ def test_a_body_is_found_behind_a_broad_hand():
     middle = np.median(there, axis=0)
     radius = np.median(np.linalg.norm(there - middle, axis=1))
     on = np.abs(np.linalg.norm(there - middle, axis=1) / radius - 1) < 0.02
-    q, hand, there = q[on][:1500], hand[on][:1500], there[on][:1500]
+    return q[on][:number], hand[on][:number], ((there - middle) / radius)[on][:number]
+
+
+def test_a_body_is_found_behind_a_broad_hand():
+    q, hand, there = met_by_a_broad_hand(1500)
     target = nearest_of(there, 60)
     part = np.zeros(60, dtype=int)
     names = [f"joint {n}" for n in range(6)]
@@ -127,6 +134,21 @@ def test_a_body_is_found_behind_a_broad_hand():
     count = np.bincount(target)[:, None]
     true = np.stack([np.bincount(target, axis) for axis in there.T], axis=1) / count
     assert misfit(model.kernel_place, true) < 5
+
+
+@pytest.mark.slow
+def test_a_lesson_finds_a_body_behind_a_broad_hand():
+    q, hand, there = met_by_a_broad_hand(300)
+    ball, grid = sphere_points(80, radius=1.0)[0], np.linspace(-1, 1, 5)
+    palm = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    felt = np.hstack([np.maximum(0, 1 - cdist(there, ball) / 0.5), 1 - cdist(hand, palm) / 0.8])
+    names = [f"joint {n}" for n in range(4)]
+    model = ask(q, felt, names)
+    assert model.accepted
+    assert list(model.joint_names) == names
+    known = np.isfinite(model.receptor_place[:80]).all(axis=1)
+    assert misfit(model.receptor_place[:80][known], ball[known]) < 10
+    assert not ask(q, felt[:, :80], names).accepted
 
 
 def test_a_model_without_its_last_joints_is_the_same_where_these_read_nothing():
