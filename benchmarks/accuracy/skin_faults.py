@@ -1,18 +1,20 @@
 """Faults of a skin, put into the stored readings of a run: named right, and healthy ones blamed.
 
-    python benchmarks/accuracy/skin_faults.py RUN... --seeds 20
+    python benchmarks/accuracy/skin_faults.py build/cube_951 build/torus_951 --seeds 20
     python benchmarks/accuracy/skin_faults.py RUN... --seeds 20 --drift
 
-For each run, seed and kind of fault, a fault is put into some touches of the run, at receptors that
-the seed draws, and the faults are found as `selftouch skin` finds them. A case is right if each of
-its receptors has the right verdict, and those that stand in each other's place are named. With
---drift the first half of the touches is the first recording, and a fault is put into the second
-half; no file of places is used. Printed is a row for each kind.
+A run that is missing, of a body and a seed, is babbled and learned. For each run, seed and kind of
+fault, a fault is put into some touches of the run, at receptors that the seed draws, and the faults
+are found as `selftouch skin` finds them. A case is right if each of its receptors has the right
+verdict, and those that stand in each other's place are named. With --drift the first half of the
+touches is the first recording, and a fault is put into the second half; no file of places is used.
+There is a row for each kind.
 """
 
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from sys import path as search_path
 
 import numpy as np
 
@@ -26,6 +28,12 @@ from selftouch_drake.agent.readings.skin_drift import compare_skins
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.receptor_map import read_touches
 from selftouch_drake.run.skin import accepted_model, skins_of, touches_on
+from selftouch_drake.run.stages import has_learned, learn
+
+search_path.append(str(Path(__file__).parents[2]))  # for `benchmarks`
+
+from benchmarks.shared.babbled import run_at
+from benchmarks.shared.results import add_update_option, results
 
 #: What is put in, and the verdict that is right; none for a skin that is well.
 KINDS = {
@@ -182,23 +190,34 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20, help="of each kind and run")
     parser.add_argument("--first", type=int, default=0, help="seed")
     parser.add_argument("--touches", type=int, default=3000, help="of a recording")
+    parser.add_argument("--babbled", type=int, default=6000, help="touches of a run that is made")
     parser.add_argument("--kinds", nargs="+", choices=sorted({*KINDS, *CHANGES}))
     parser.add_argument("--drift", action="store_true", help="between two recordings")
     parser.add_argument("--verbose", action="store_true", help="print each case that is not right")
+    add_update_option(parser, "skin_faults")
     args = parser.parse_args()
     rows: dict[str, list] = {}
     for path in args.runs:
+        run = run_at(path, args.babbled)
+        if not has_learned(run):
+            learn(run)
         (two_recordings if args.drift else one_recording)(path, args, rows)
-    print("kind              named right   healthy receptors blamed   worst case")
-    for kind, cases in rows.items():
-        right, blamed, healthy = np.array(cases).T
-        named = "" if kind == "nothing" else f"{right.sum()} of {len(right)}"
-        share = f"{blamed.sum()} of {healthy.sum()}"
-        print(f"{kind:16s}  {named:12s}  {share:25s}  {blamed.max()}")
-    everything = np.array([case for kind, cases in rows.items() for case in cases])
-    faulty = np.array([case for kind, cases in rows.items() if kind != "nothing" for case in cases])
-    named = f"{faulty[:, 0].mean():.1%} named right, " if len(faulty) else ""
-    print(f"{named}{everything[:, 1].sum() / everything[:, 2].sum():.2%} of healthy ones blamed")
+    faulty = [case for kind, cases in rows.items() if kind != "nothing" for case in cases]
+    every = {**rows, "all": [case for cases in rows.values() for case in cases]}
+    with results("skin_drift" if args.drift else "skin_faults", update=args.update) as add:
+        for kind, cases in every.items():
+            named = {"nothing": [], "all": faulty}.get(kind, cases)
+            _, blamed, healthy = np.array(cases).T
+            row = {
+                "fault": kind,
+                "cases": len(named),
+                "named_right": sum(bool(case[0]) for case in named),
+                "healthy": int(healthy.sum()),
+                "healthy_blamed": int(blamed.sum()),
+                "blamed_worst": int(blamed.max()),
+            }
+            print(row)
+            add(row)
 
 
 if __name__ == "__main__":
