@@ -60,6 +60,7 @@ SMALL: dict[str, list[str]] = {
         *("--targets", "20"),
         *("--pairs", "2"),
     ],
+    "life/compared": ["--bodies=sphere", "--kinds=joint", "--touches=300", "--since=60"],
     "life/explained": ["--bodies=sphere", "--kinds=joint", "--before=300", "--since=50"],
     "life/noticed": ["--bodies=sphere", "--seeds=6", "--kinds", "joint", "--watched=500"],
     "make/growing": ["--body=sphere", "--touches", "60", "100", "--out={tmp}/growing.gif"],
