@@ -122,6 +122,8 @@ class Life:
         self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
         # Likewise, whether the chain takes what touches to where it is felt; None without a chain.
         self._placed: PlaceTest | None = None
+        # How much surprise, and places, of touches that follow each other are alike.
+        self._correlation = 1.0, 1.0
         self._expects_again_at: float = _FIRST
         # `(S,)` receptors that had felt nothing when the agent first knew what to expect.
         self._never_felt: np.ndarray | None = None
@@ -333,12 +335,19 @@ class Life:
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
         felt, num_touches = last.sensation, self.learner.num_touches
         usual, novelty = expectation.surprise(expected, felt), expectation.novelty(last.q)
+        # Soon after a change, the last touches are not in the order in which they came.
+        ordered = self.num_touches - self._born >= len(last)
+        surprising, misplacing = (1.0, 1.0) if ordered else self._correlation
+        rise = SurpriseTest(usual, novelty, correlation=surprising)
         self._chain, self._placed = self._chain or self._chain_of(early), None
         if self._chain is not None:
-            self._placed = PlaceTest(*self._chain.chain.misplaced(last.q, felt))
+            off = self._chain.chain.misplaced(last.q, felt)
+            self._placed = PlaceTest(*off, correlation=misplacing)
+            misplacing = self._placed.correlation
+        self._correlation = rise.correlation, misplacing
         self._watching = (
             expectation,
-            SurpriseTest(usual, novelty),
+            rise,
             ReceptorTest(with_unit_norm(expected), felt, novelty, self._never_felt, num_touches),
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))
