@@ -150,6 +150,10 @@ class ChainChange:
         off = np.linalg.norm(self.after.places(found) - place, axis=1)
         return found, off < _REACHED * self.before.radius
 
+    def left_of(self, usual: "Foretold", since: "Foretold") -> float:
+        """As `left`, of other touches than those that told the change."""
+        return _robust(since.errors(self.after)) / _robust(usual.errors(self.before))
+
     def as_before(self, q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """`(n, J)` postures in which was felt before what is felt at `(n, J)` q now."""
         q = q.astype(float)

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong import explanation
 from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet, cosine_distance
-from selftouch_drake.agent.lifelong.explanation import explain_change
+from selftouch_drake.agent.lifelong.explanation import Earlier, explain_change
 from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
 
 NUM_OLD = 6000
@@ -27,7 +27,7 @@ def found(expectation, touches, change):
     since = TouchSet(*change(new.q.copy(), new.sensation.copy()))
     since = since[since.sensation.any(axis=1)]
     before = touches[:NUM_OLD]
-    return explain_change(expectation, before[5000:], before, since, num_steps=NUM_STEPS)
+    return explain_change(Earlier(expectation, before[5000:], before), since, num_steps=NUM_STEPS)
 
 
 def test_it_expects_what_it_feels(touches, expectation):
@@ -94,7 +94,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     before = TouchSet(q, blind)[:NUM_OLD]
     expectation = Expectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
     usual = before[5000:][some[5000:NUM_OLD]]
-    change = explain_change(expectation, usual, before, touches[NUM_OLD:])
+    change = explain_change(Earlier(expectation, usual, before), touches[NUM_OLD:])
     assert np.flatnonzero(change.new.receptors).tolist() == [7]
     numbers = np.arange(1000)[:, None] * np.ones(q.shape[1])
     adapted = change.adapted(TouchSet(numbers, blind[:1000]))
@@ -135,7 +135,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     sensation[:, dead] = 0.0
     since = TouchSet(since.q, sensation)[sensation.any(axis=1)]
 
-    change = explain_change(poor, before[5000:], before, since, num_steps=30)
+    change = explain_change(Earlier(poor, before[5000:], before), since, num_steps=30)
     assert np.array_equal(np.flatnonzero(change.silent), np.sort(dead))
     assert not change.displacement
     # A displacement would explain a good part of the surprise.
