@@ -162,12 +162,14 @@ def guess_change(earlier: Earlier, since: TouchSet, *, newest: int = 0) -> BodyC
     """
     assert earlier.known is not None
     unchanged = _unchanged(earlier.expectation, earlier.before, since)
-    found = _by_chain(earlier.known, earlier.usual, unchanged, since[len(since) // _EARLY :])
+    # A receptor that was not felt since may be silent: nothing of the chain is to explain that.
+    heard = replace(unchanged, silent=~since.sensation.any(axis=0))
+    found = _by_chain(earlier.known, earlier.usual, heard, since[len(since) // _EARLY :])
     if unchanged.new.receptors.any() or found.chain is None or found.chain.left > _LEFT:
         return None
     if newest and _left_by(found.chain, earlier, since[-newest:]) > _LEFT:
         return None
-    return replace(found, left=found.chain.left)
+    return replace(found, silent=unchanged.silent, left=found.chain.left)
 
 
 def _unchanged(expectation: Expectation, before: TouchSet, since: TouchSet) -> BodyChange:
@@ -273,10 +275,9 @@ def _by_chain(
 def _left_by(change: ChainChange, earlier: Earlier, touches: TouchSet) -> float:
     """How far a change leaves touches off, in squares, as a multiple of what is usual."""
     usual = earlier.usual[-_USUAL:]
-    usual_places, places = foretold(
-        change.before, (usual.q, usual.sensation), (touches.q, touches.sensation)
+    return change.left_of(
+        *foretold(change.before, (usual.q, usual.sensation), (touches.q, touches.sensation))
     )
-    return change.left_of(usual_places, places)
 
 
 def _silent(change: BodyChange, touches: TouchSet) -> np.ndarray:
