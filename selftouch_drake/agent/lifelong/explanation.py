@@ -18,6 +18,7 @@ from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
     Expectation,
+    LearnedExpectation,
     TouchSet,
     with_unit_norm,
 )
@@ -124,7 +125,7 @@ def explain_change(
         new=NewReceptors(np.zeros_like(unchanged.silent), unit(fitted.sensation)),
         # Other networks would learn from the touches that are compared with. Twice, for as many
         # steps as through a blunt and a sharp one.
-        through=(expectation, expectation),
+        through=(expectation, expectation) if isinstance(expectation, LearnedExpectation) else (),
     )
     best = _Explanation.judged(unchanged, by_chance, judged, usual_judged)
     displaced = partial(_displaced_through_expectations, before, num_steps, seed)
@@ -163,7 +164,7 @@ def guess_change(earlier: Earlier, since: TouchSet, *, newest: int = 0) -> BodyC
     assert earlier.known is not None
     unchanged = _unchanged(earlier.expectation, earlier.before, since)
     # A receptor that was not felt since may be silent: nothing of the chain is to explain that.
-    heard = replace(unchanged, silent=~since.sensation.any(axis=0))
+    heard = replace(unchanged, silent=~np.any(since.sensation, axis=0))
     found = _by_chain(earlier.known, earlier.usual, heard, since[len(since) // _EARLY :])
     if unchanged.new.receptors.any() or found.chain is None or found.chain.left > _LEFT:
         return None
@@ -216,7 +217,7 @@ def _displaced_through_expectations(
     They learn from touches before the change; `num_steps` train the sharp one.
     """
     through = change.through or tuple(
-        Expectation(before, like=change.expectation, num_steps=steps, seed=seed)
+        LearnedExpectation(before, like=change.expectation, num_steps=steps, seed=seed)
         for steps in (num_steps // _BLUNT, num_steps)
     )
     return _displaced(replace(change, through=through), touches, seed)

@@ -13,7 +13,9 @@ from selftouch_drake.agent.lifelong.alarm import PlaceTest, ReceptorTest, Surpri
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
+    ChainExpectation,
     Expectation,
+    LearnedExpectation,
     TouchSet,
     with_unit_norm,
 )
@@ -375,7 +377,12 @@ class Life:
         """Learns what to expect from all remembered touches except the last ones."""
         (remembered, number), last = self._remembered(), self._last
         early = remembered[number < self.learner.num_touches - len(last)]
-        expectation = Expectation(early, num_steps=self._num_steps, seed=self._seed)
+        self._chain, self._placed = self._chain or self._chain_of(early), None
+        expectation: Expectation
+        if self._chain is not None:
+            expectation = ChainExpectation(self._chain.chain, early)
+        else:
+            expectation = LearnedExpectation(early, num_steps=self._num_steps, seed=self._seed)
         expected = expectation(last.q)
         if self._never_felt is None:  # later, what began to feel shortly before is still new
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
@@ -385,7 +392,6 @@ class Life:
         ordered = self.num_touches - self._born >= len(last)
         surprising, misplacing = (1.0, 1.0) if ordered else self._correlation
         rise = SurpriseTest(usual, novelty, correlation=surprising)
-        self._chain, self._placed = self._chain or self._chain_of(early), None
         if self._chain is not None:
             off = self._chain.chain.misplaced(last.q, felt)
             self._placed = PlaceTest(*off, correlation=misplacing)

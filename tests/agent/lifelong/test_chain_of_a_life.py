@@ -7,7 +7,7 @@ from hand_made_chains import ArmOnBall
 from selftouch_drake.agent.body_model.chain_change import Change
 from selftouch_drake.agent.body_model.known_chain import found_chain
 from selftouch_drake.agent.lifelong import life as module
-from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet
+from selftouch_drake.agent.lifelong.expectation import LearnedExpectation, TouchSet
 from selftouch_drake.agent.lifelong.explanation import (
     Earlier,
     LivedChain,
@@ -31,7 +31,7 @@ def known(before):
 
 @pytest.fixture(scope="module")
 def expectation(before):
-    return Expectation(before[:2000], num_steps=500)
+    return LearnedExpectation(before[:2000], num_steps=500)
 
 
 def found(expectation, before, known, since):

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong import explanation
-from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet, cosine_distance
+from selftouch_drake.agent.lifelong.expectation import LearnedExpectation, TouchSet, cosine_distance
 from selftouch_drake.agent.lifelong.explanation import Earlier, explain_change
 from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
 
@@ -18,7 +18,7 @@ NUM_STEPS = 1000
 
 @pytest.fixture(scope="module")
 def expectation(touches):
-    return Expectation(touches[:5000], num_steps=NUM_STEPS)
+    return LearnedExpectation(touches[:5000], num_steps=NUM_STEPS)
 
 
 def found(expectation, touches, change):
@@ -92,7 +92,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
     before = TouchSet(q, blind)[:NUM_OLD]
-    expectation = Expectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
+    expectation = LearnedExpectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
     usual = before[5000:][some[5000:NUM_OLD]]
     change = explain_change(Earlier(expectation, usual, before), touches[NUM_OLD:])
     assert np.flatnonzero(change.new.receptors).tolist() == [7]
@@ -129,7 +129,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     _, place = cKDTree(touches.q[:150]).query(touches.q)
     touches = touches[np.argsort(place, kind="stable")]
     before, since = touches[:NUM_OLD], touches[NUM_OLD:]
-    poor = Expectation(before[:5000], num_steps=30)
+    poor = LearnedExpectation(before[:5000], num_steps=30)
     dead = np.argsort(since.sensation.sum(axis=0))[-8:]
     sensation = since.sensation.copy()
     sensation[:, dead] = 0.0
