@@ -46,7 +46,7 @@ TAKEN = (-1, 0, -1, 1, -1, 2, 0, 1, 2, -1, 0)
 
 
 def touched(
-    body: str, seed: int, kind: str, walk: int, number: int, tool: int = -1
+    body: str | Path, seed: int, kind: str, walk: int, number: int, tool: int = -1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Readings and sensations of the first touches of a walk in a body that changed."""
     made = [one for some in kind.split("+") if some != "nothing" for one in changes(some, [])[1]]

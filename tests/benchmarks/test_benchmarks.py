@@ -33,6 +33,7 @@ SMALL: dict[str, list[str]] = {
     "accuracy/recorded": ["--out={tmp}", "--seeds=2", "--rows=60000", "--targets=20", "--pairs=2"],
     "make/kills": ["--kills", "1"],
     "cost/memory": ["{tmp}/run", "--touches", "2000", "--targets", "50", "--times", "2"],
+    "cost/online": ["sphere", "--touches=100"],
     "cost/table": ["--touching", "--turns", "1"],
     "accuracy/joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
     "make/recordings": ["--bodies=raw", "--seeds=1", "--out={tmp}"],

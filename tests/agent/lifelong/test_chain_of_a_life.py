@@ -7,7 +7,11 @@ from hand_made_chains import ArmOnBall
 from selftouch_drake.agent.body_model.chain_change import Change
 from selftouch_drake.agent.body_model.known_chain import found_chain
 from selftouch_drake.agent.lifelong import life as module
-from selftouch_drake.agent.lifelong.expectation import LearnedExpectation, TouchSet
+from selftouch_drake.agent.lifelong.expectation import (
+    ChainExpectation,
+    LearnedExpectation,
+    TouchSet,
+)
 from selftouch_drake.agent.lifelong.explanation import (
     Earlier,
     LivedChain,
@@ -36,6 +40,18 @@ def expectation(before):
 
 def found(expectation, before, known, since):
     return explain_change(Earlier(expectation, before[2000:], before, known), since, num_steps=500)
+
+
+def test_a_chain_expects_in_new_postures_what_is_felt_where_they_lead(before, known):
+    lived, new = (before[rows] for rows in (before.q[:, 0] < 0.0, before.q[:, 0] > 0.3))
+    surprise = [
+        np.median(one.surprise(one(new.q), new.sensation))
+        for one in (
+            ChainExpectation(known.chain, lived),
+            LearnedExpectation(lived, num_steps=500),
+        )
+    ]
+    assert surprise[0] < 0.2 * surprise[1]
 
 
 def test_a_zero_moves_touches_by_that_much_though_receptors_died(before, known, expectation):
