@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.chain_change import Change, explained, foretold
+from selftouch_drake.agent.body_model.chain_change import ChainChange, Change, explained, foretold
 from selftouch_drake.agent.body_model.known_chain import KnownChain, found_chain
 from selftouch_drake.agent.body_model.tools import BARE, Hand
 from selftouch_drake.bodies.drake import DrakeBodies
@@ -46,7 +46,7 @@ TAKEN = (-1, 0, -1, 1, -1, 2, 0, 1, 2, -1, 0)
 
 
 def touched(
-    body: str, seed: int, kind: str, walk: int, number: int, tool: int = -1
+    body: str | Path, seed: int, kind: str, walk: int, number: int, tool: int = -1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Readings and sensations of the first touches of a walk in a body that changed."""
     made = [one for some in kind.split("+") if some != "nothing" for one in changes(some, [])[1]]
@@ -60,14 +60,21 @@ def touched(
 def named(known: KnownChain, kind: str, since: tuple, usual: tuple) -> tuple[bool, str]:
     """Whether the agent names what changed, and what it says."""
     change = explained(known, *foretold(known, usual, since))
+    words = "nothing that explains it" if change is None else change.in_words
+    return is_right(kind, change), words
+
+
+def is_right(kind: str, change: ChainChange | None) -> bool:
+    """Whether a change names what changed, and nothing else; None where nothing did."""
     if change is None:
-        return kind == "nothing", "nothing that explains it"
+        return kind == "nothing"
     said = sorted(part.kind.name for part in change.parts)
     ok = said == sorted(right.name for one in kind.split("+") if (right := RIGHT[one]))
     # A turn of the skin about the first joint's axis is that joint's: touch tells no more.
     first = change.parts[0]
-    turns = kind == "turned" and first.kind == Change.ZERO and first.joint == known.joints[0]
-    return ok or (turns and len(said) == 1), change.in_words
+    joint = change.before.joints[0]
+    turns = kind == "turned" and first.kind == Change.ZERO and first.joint == joint
+    return ok or (turns and len(said) == 1)
 
 
 def tools(

@@ -18,7 +18,7 @@ touches. One quality is as good as another if the error is at most 1.15 times th
 are the same or right, and contact is at most two hundredths lower; the quality of an unchanged body
 differs by so much. It is regained after 0 touches if the change cost nothing. An explanation is
 right if it names what changed and nothing else; of receptors, at least half of those that changed,
-and no other.
+and no other. Explanations that were withdrawn since are counted.
 
 With `--anew` another agent learns the changed body from nothing, in the same way, and the life goes
 on until it is as good as that one, too.
@@ -355,6 +355,7 @@ class Bench:
                 noticed and rightly_named(kind, noticed[0].change, self.world(before), world)
             ),
             "found": noticed[0].change.in_words if noticed else "",
+            "withdrawn": len(noticed[0].withdrawn) if noticed else 0,
             "touch_at_once": touch_at_once,
             "touch": touch,
             "off_at_once": off_at_once,
@@ -445,7 +446,8 @@ def table(rows: list[dict[str, Any]]) -> Iterator[str]:
         f"of {len(rows)} changes {int(np.isfinite(noticed).sum())} noticed, "
         f"{sum(row['named'] for row in rows)} named right, regained after "
         f"{np.median(regained):.0f} touches in the median; {sum(row['false'] for row in rows)} "
-        "false alarms"
+        "false alarms, "
+        f"{sum(row['withdrawn'] for row in rows)} explanations withdrawn"
     )
 
 

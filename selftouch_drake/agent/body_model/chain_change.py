@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg
 from scipy.optimize import least_squares
 from scipy.sparse import csr_array
+from scipy.stats import chi2
 
 from selftouch_drake.agent.body_model.chain import adjoint, exponentials
 from selftouch_drake.agent.body_model.known_chain import KnownChain
@@ -29,9 +30,14 @@ _WORST = 0.05
 # Two things are tried if one needs more numbers than these, or describes touches so many times as
 # long as usual ones; the first is one of so many that alone explain most.
 _FEW_NUMBERS, _WORTH_TWO, _FIRST_OF_TWO = 3, 1.5, 3
-# What each number must earn, relative to the logarithm of the number of touches: touches that
-# follow each other are off alike.
+# What each number must earn at least, relative to the logarithm of the number of touches: what a
+# chain leaves out is alike in touches of one place.
 _PRICE = 3.0
+# Touches that follow each other, over so many at most, may be off alike: those of a finger that
+# slides are.
+_FOLLOW = 10
+# A part of a change is sure if its numbers are this improbable by chance.
+_CHANCE = 1e-4
 
 
 class Change(Enum):
@@ -68,6 +74,12 @@ class Part:
     def sigma(self) -> np.ndarray:
         """`(k,)` standard errors of the numbers."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def sure(self) -> bool:
+        """Whether its numbers are more than their errors explain."""
+        inverse = np.linalg.pinv(self.covariance, hermitian=True)
+        return float(self.amount @ inverse @ self.amount) > chi2.isf(_CHANCE, len(self.amount))
 
     def said(self, joint_names: Sequence[str] | None = None) -> str:
         """What changed, with its standard error; joints are numbers if they have no names."""
@@ -137,6 +149,10 @@ class ChainChange:
         found = self.after.put(q, place, lower, upper)
         off = np.linalg.norm(self.after.places(found) - place, axis=1)
         return found, off < _REACHED * self.before.radius
+
+    def left_of(self, usual: "Foretold", since: "Foretold") -> float:
+        """As `left`, of other touches than those that told the change."""
+        return _robust(since.errors(self.after)) / _robust(usual.errors(self.before))
 
     def as_before(self, q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """`(n, J)` postures in which was felt before what is felt at `(n, J)` q now."""
@@ -279,17 +295,24 @@ class _Fit:
     Attributes:
         together: one or two of them.
         amount: `(k,)` their numbers, one after the other.
-        covariance: `(k, k)` of the numbers.
-        length: of the description.
+        covariance: `(k, k)` of the numbers, if each touch is off by itself.
+        errors: `(3 n,)` how far touches are off, in usual errors.
+        left: their robust squares, as a multiple of what is usual.
     """
 
     together: tuple[_Hypothesis, ...]
     amount: np.ndarray
     covariance: np.ndarray
-    length: float
+    errors: np.ndarray
+    left: float
 
-    def parts(self) -> tuple[Part, ...]:
-        """What changed."""
+    def length(self, alike: float) -> float:
+        """Of the description, if so many touches are off alike."""
+        number = len(self.errors) // 3
+        return 3 * number * self.left + price(len(self.amount), number, alike)
+
+    def parts(self, alike: float = 1.0) -> tuple[Part, ...]:
+        """What changed, if so many touches are off alike."""
         parts, start = [], 0
         for one in self.together:
             own = slice(start, start + one.basis.shape[1])
@@ -297,7 +320,7 @@ class _Fit:
                 kind=one.kind,
                 joint=one.joint,
                 amount=self.amount[own],
-                covariance=self.covariance[own, own],
+                covariance=self.covariance[own, own] * alike,
             )
             parts.append(part)
             start = own.stop
@@ -319,17 +342,32 @@ def _fitted(
 
     begin = np.zeros(count) if start is None else start
     found = least_squares(off, begin, loss="soft_l1", f_scale=_ROBUST)
-    number = len(since.q)
-    left = _robust(found.fun)
+    left = _robust(found.fun) / usual
     inverse = scipy.linalg.pinvh(found.jac.T @ found.jac)
-    spread = max(left / usual, 1.0) * usual
-    length = 3 * number * left / usual + price(count, number)
-    return _Fit(together, found.x, inverse * spread, length)
+    return _Fit(together, found.x, inverse * max(left, 1.0) * usual, found.fun, left)
 
 
-def price(count: int, number: int) -> float:
-    """What so many numbers cost that so many touches told, in squared usual errors."""
-    return _PRICE * count * float(np.log(number))
+def price(count: int, number: int, alike: float = 1.0) -> float:
+    """What so many numbers cost that so many touches told, in squared usual errors.
+
+    Args:
+        count: of the numbers.
+        number: of the touches.
+        alike: how many of them are off alike, as of `off_alike`.
+    """
+    return max(_PRICE, alike) * count * float(np.log(number))
+
+
+def off_alike(errors: np.ndarray) -> float:
+    """The variance of a sum of errors over that of independent ones; 1 or more.
+
+    Args:
+        errors: `(n,)` or `(n, k)` of touches in order.
+    """
+    size = max(float(np.mean(errors * errors)), 1e-9)
+    lags = range(1, min(_FOLLOW, len(errors) - 1) + 1)
+    together = sum(float(np.mean(errors[:-lag] * errors[lag:])) for lag in lags)
+    return max(1.0, 1.0 + 2.0 * together / size)
 
 
 def new_point(known: KnownChain, usual: Foretold, since: Foretold) -> Part:
@@ -354,6 +392,8 @@ def _robust(errors: np.ndarray) -> float:
 def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChange | None:
     """The change with the least description, of one thing or two; None if that is no change.
 
+    Of two things, both are sure.
+
     Args:
         known: the chain as it was.
         usual: touches from before the change, to which it was not fitted.
@@ -362,19 +402,28 @@ def explained(known: KnownChain, usual: Foretold, since: Foretold) -> ChainChang
     base = _robust(usual.errors(known))
     unchanged = 3 * len(since.q) * _robust(since.errors(known)) / base
     single = [_fitted(known, (one,), since, base) for one in _hypotheses(known)]
-    single.sort(key=lambda fit: fit.length)
+    freest = min(single, key=lambda fit: fit.left)
+    alike = max(map(_off_alike, (usual.errors(known), freest.errors)))
+    single.sort(key=lambda fit: fit.length(alike))
     best = single[0]
-    if best.length >= unchanged:
+    if best.length(alike) >= unchanged:
         return None
-    if len(best.amount) > _FEW_NUMBERS or best.length > _WORTH_TWO * 3 * len(since.q):
+    if len(best.amount) > _FEW_NUMBERS or best.length(alike) > _WORTH_TWO * 3 * len(since.q):
         for first in single[:_FIRST_OF_TWO]:
             for second in single:
                 if second.together[0].place == first.together[0].place:
                     continue  # one motion in one place
                 start = np.concatenate([first.amount, np.zeros(len(second.amount))])
                 two = _fitted(known, (*first.together, *second.together), since, base, start)
-                if two.length < best.length:
+                shorter = two.length(alike) < best.length(alike)
+                if shorter and all(part.sure for part in two.parts(alike)):
                     best = two
     after, turn = _with_inserted(known, best.together, best.amount)
-    left = _robust(since.errors(after)) / base
-    return ChainChange(parts=best.parts(), before=known, after=after, turn=turn, left=left)
+    return ChainChange(
+        parts=best.parts(alike), before=known, after=after, turn=turn, left=best.left
+    )
+
+
+def _off_alike(errors: np.ndarray) -> float:
+    """Of `(3 n,)` errors in order, in which great ones count less."""
+    return off_alike(errors.clip(-2 * _ROBUST, 2 * _ROBUST).reshape(-1, 3))

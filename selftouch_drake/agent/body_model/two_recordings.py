@@ -5,11 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.stats import chi2
 
 from selftouch_drake.agent.body_model.chain_change import (
     ChainChange,
-    Part,
     explained,
     foretold,
 )
@@ -23,8 +21,6 @@ _FEWEST, _MOST = 60, 600
 # Those of the second one are at most this share of those of the first, which say what is felt
 # where: what the first does not know well is the same error in each of them.
 _SHARE = 1 / 3
-# What is so probable by chance is no change.
-_CHANCE = 1e-4
 
 
 class Touches(NamedTuple):
@@ -77,7 +73,7 @@ def changed_between(model: BodyModel, before: Touches, after: Touches) -> list[C
             usual, _ = foretold(some, tests, tests)
             _, now = foretold(known, since, since)
             change = explained(known, usual, replace(now, root=usual.root))
-            sure = change is not None and all(map(_beyond_its_error, change.parts))
+            sure = change is not None and all(part.sure for part in change.parts)
             found.append(Compared(part, toucher, change if sure else None))
     return found
 
@@ -101,12 +97,6 @@ def chain_between(
         sensed=Sensed.of(csr_array(sensation)),
         strength=sensation.max(axis=1),
     )
-
-
-def _beyond_its_error(part: Part) -> bool:
-    """Whether its numbers are more than their errors explain."""
-    square = float(part.amount @ np.linalg.pinv(part.covariance, hermitian=True) @ part.amount)
-    return square > chi2.isf(_CHANCE, len(part.amount))
 
 
 def _pairs(model: BodyModel, touches: Touches) -> np.ndarray:

@@ -10,6 +10,8 @@ import math
 import numpy as np
 from scipy.special import ndtri
 
+from selftouch_drake.agent.body_model.chain_change import off_alike
+
 #: Rise of surprise that the test looks for, in standard deviations of usual surprise. For a rise
 #: half as large, the test needs twice as many touches.
 _RISE = 0.5
@@ -62,6 +64,7 @@ class SurpriseTest:
         usual: `(n,)` surprise of touches in order, in a body that did not change; the network has
             not learned from them.
         novelty: `(n,)` of these touches.
+        correlation: the least that it can be, if touches are not in the order in which they came.
 
     Attributes:
         correlation: variance of a sum of usual surprises over that of independent ones, 1 or more.
@@ -69,13 +72,12 @@ class SurpriseTest:
         doubt: `(1,)` greatest sum in the touches last watched, as a share of the threshold.
     """
 
-    def __init__(self, usual: np.ndarray, novelty: np.ndarray) -> None:
+    def __init__(self, usual: np.ndarray, novelty: np.ndarray, *, correlation: float = 1.0) -> None:
         self._borders = np.quantile(novelty, np.arange(1, _BANDS) / _BANDS)
         band = np.searchsorted(self._borders, novelty)
         self._usual = [np.sort(usual[band == number]) for number in range(_BANDS)]
         z = self._normal(usual, novelty)
-        together = sum(float(np.mean(z[:-lag] * z[lag:])) for lag in range(1, 11))
-        self.correlation = max(1.0, 1.0 + 2.0 * together / max(float(np.mean(z * z)), 1e-9))
+        self.correlation = max(off_alike(z), correlation)
         self._error = math.sqrt(self.correlation / len(usual))
         self._level, self.since = 0.0, 0
         self.doubt: tuple[float, ...] = (0.0,)
@@ -112,10 +114,11 @@ class PlaceTest(SurpriseTest):
     Args:
         off: `(n,)` how far usual touches are misplaced, in order.
         unsure: `(n,)` variance of the places that sensations foretell.
+        correlation: as of `SurpriseTest`.
     """
 
-    def __init__(self, off: np.ndarray, unsure: np.ndarray) -> None:
-        super().__init__(off, unsure)
+    def __init__(self, off: np.ndarray, unsure: np.ndarray, *, correlation: float = 1.0) -> None:
+        super().__init__(off, unsure, correlation=correlation)
         self._limit, self._middle = np.quantile(unsure, _FORETOLD), float(np.median(off))
 
     def watch(self, surprise: np.ndarray, novelty: np.ndarray) -> int | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.body_model.chain_change import ChainChange
-from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet
+from selftouch_drake.agent.lifelong.expectation import Expectation, LearnedExpectation, TouchSet
 from selftouch_drake.agent.lifelong.new_receptors import FELT, NewReceptors
 from selftouch_drake.agent.network import Network
 
@@ -51,7 +51,7 @@ class BodyChange:
     offset: np.ndarray
     chain: ChainChange | None = None
     displacement: tuple[Network, ...] = ()
-    through: tuple[Expectation, ...] = ()
+    through: tuple[LearnedExpectation, ...] = ()
     reach: np.ndarray
     left: float = math.inf
 

@@ -12,12 +12,13 @@ from typing import Self
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
-from selftouch_drake.agent.body_model.chain_change import explained, foretold
+from selftouch_drake.agent.body_model.chain_change import ChainChange, explained, foretold
 from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
     Expectation,
+    LearnedExpectation,
     TouchSet,
     with_unit_norm,
 )
@@ -89,25 +90,34 @@ class LivedChain:
     touches: TouchSet
 
 
-def explain_change(
-    expectation: Expectation,
-    usual: TouchSet,
-    before: TouchSet,
-    since: TouchSet,
-    *,
-    known: LivedChain | None = None,
-    num_steps: int = NUM_STEPS,
-    seed: int = 0,
-) -> BodyChange:
-    """Finds out what changed, by touches that were remembered before, and touches since the change.
+@dataclass(frozen=True, slots=True, eq=False)
+class Earlier:
+    """What an agent knew before a change.
 
-    The usual ones are the last from before the change, in order, from which the expectation did not
-    learn; as many of them count as there are touches since. No sensation is null. The steps train
-    an expectation. If a chain is known, what moved is the fewest numbers of it that explain where
-    touches are felt.
+    Attributes:
+        expectation: what it expected.
+        usual: the last touches, in order, from which the expectation did not learn.
+        before: the touches that it remembered.
+        known: the chain of its joints; None if it knows none.
     """
+
+    expectation: Expectation
+    usual: TouchSet
+    before: TouchSet
+    known: LivedChain | None = None
+
+
+def explain_change(
+    earlier: Earlier, since: TouchSet, *, num_steps: int = NUM_STEPS, seed: int = 0
+) -> BodyChange:
+    """Finds out what changed, by touches since the change; none of them is null.
+
+    As many of the usual touches count as there are touches since. The steps train an expectation.
+    If a chain is known, what moved is the fewest numbers of it that explain where touches are felt.
+    """
+    expectation, before, known = earlier.expectation, earlier.before, earlier.known
     fitted, judged = _divided(since)
-    usual_fitted, usual_judged = _divided(usual[-len(since) :])
+    usual_fitted, usual_judged = _divided(earlier.usual[-len(since) :])
     unchanged = _unchanged(expectation, before, fitted)
     by_chance = replace(
         unchanged,
@@ -115,11 +125,11 @@ def explain_change(
         new=NewReceptors(np.zeros_like(unchanged.silent), unit(fitted.sensation)),
         # Other networks would learn from the touches that are compared with. Twice, for as many
         # steps as through a blunt and a sharp one.
-        through=(expectation, expectation),
+        through=(expectation, expectation) if isinstance(expectation, LearnedExpectation) else (),
     )
     best = _Explanation.judged(unchanged, by_chance, judged, usual_judged)
     displaced = partial(_displaced_through_expectations, before, num_steps, seed)
-    way = partial(_by_chain, known, usual) if known is not None else None
+    way = partial(_by_chain, known, earlier.usual) if known is not None else None
     for tried in (_rewired, way) if way else (_rewired, _with_offset, displaced):
         if best.ratio <= ENOUGH:
             break
@@ -141,23 +151,26 @@ def explain_change(
     return refined(change, since, seed=seed)
 
 
-def guess_change(
-    expectation: Expectation,
-    usual: TouchSet,
-    before: TouchSet,
-    since: TouchSet,
-    *,
-    known: LivedChain,
-) -> BodyChange | None:
-    """What moved of a chain, if that alone explains few touches; the arguments of `explain_change`.
+def guess_change(earlier: Earlier, since: TouchSet, *, newest: int = 0) -> BodyChange | None:
+    """What moved of the chain, if that alone explains few touches.
 
     Surprise says little of few touches; by how far they are misplaced, some thirty are enough.
+
+    Args:
+        earlier: with a chain.
+        since: touches since the change; none of them is null.
+        newest: so many of the last are to be explained as well as all.
     """
-    unchanged = _unchanged(expectation, before, since)
-    found = _by_chain(known, usual, unchanged, since[len(since) // _EARLY :])
+    assert earlier.known is not None
+    unchanged = _unchanged(earlier.expectation, earlier.before, since)
+    # A receptor that was not felt since may be silent: nothing of the chain is to explain that.
+    heard = replace(unchanged, silent=~np.any(since.sensation, axis=0))
+    found = _by_chain(earlier.known, earlier.usual, heard, since[len(since) // _EARLY :])
     if unchanged.new.receptors.any() or found.chain is None or found.chain.left > _LEFT:
         return None
-    return replace(found, left=found.chain.left)
+    if newest and _left_by(found.chain, earlier, since[-newest:]) > _LEFT:
+        return None
+    return replace(found, silent=unchanged.silent, left=found.chain.left)
 
 
 def _unchanged(expectation: Expectation, before: TouchSet, since: TouchSet) -> BodyChange:
@@ -204,7 +217,7 @@ def _displaced_through_expectations(
     They learn from touches before the change; `num_steps` train the sharp one.
     """
     through = change.through or tuple(
-        Expectation(before, like=change.expectation, num_steps=steps, seed=seed)
+        LearnedExpectation(before, like=change.expectation, num_steps=steps, seed=seed)
         for steps in (num_steps // _BLUNT, num_steps)
     )
     return _displaced(replace(change, through=through), touches, seed)
@@ -258,6 +271,14 @@ def _by_chain(
     )
     q = np.concatenate([change.reach, touches.q])
     return replace(change, chain=found, reach=np.stack([q.min(axis=0), q.max(axis=0)]))
+
+
+def _left_by(change: ChainChange, earlier: Earlier, touches: TouchSet) -> float:
+    """How far a change leaves touches off, in squares, as a multiple of what is usual."""
+    usual = earlier.usual[-_USUAL:]
+    return change.left_of(
+        *foretold(change.before, (usual.q, usual.sensation), (touches.q, touches.sensation))
+    )
 
 
 def _silent(change: BodyChange, touches: TouchSet) -> np.ndarray:

@@ -1,5 +1,6 @@
 """A life: the agent learns from touches as they come, notices changes of its body, and adapts."""
 
+import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,12 +13,15 @@ from selftouch_drake.agent.lifelong.alarm import PlaceTest, ReceptorTest, Surpri
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
+    ChainExpectation,
     Expectation,
+    LearnedExpectation,
     TouchSet,
     with_unit_norm,
 )
 from selftouch_drake.agent.lifelong.explanation import (
     ENOUGH,
+    Earlier,
     LivedChain,
     explain_change,
     guess_change,
@@ -66,6 +70,7 @@ class Noticed:
         explained_at: number of touches of the life when the agent had explained it.
         change: the explanation; it may become more exact later.
         in_hand: what is in hand since then, if what touches moved and nothing else; else empty.
+        withdrawn: explanations of this change that it believed before, and then withdrew.
     """
 
     row: int
@@ -73,11 +78,27 @@ class Noticed:
     explained_at: int
     change: BodyChange
     in_hand: str = ""
+    withdrawn: tuple[BodyChange, ...] = ()
 
     @property
     def in_words(self) -> str:
         """What the agent found, in one line."""
         return f"{self.change.in_words} ({self.in_hand})" if self.in_hand else self.change.in_words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Guess:
+    """An explanation by few touches, which more may refute.
+
+    Attributes:
+        earlier: what the agent knew before the change.
+        hand: what it had in hand.
+        strange: all touches since the change.
+    """
+
+    earlier: Earlier
+    hand: Hand
+    strange: TouchSet
 
 
 class Life:
@@ -122,6 +143,8 @@ class Life:
         self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
         # Likewise, whether the chain takes what touches to where it is felt; None without a chain.
         self._placed: PlaceTest | None = None
+        # How much surprise, and places, of touches that follow each other are alike.
+        self._correlation = 1.0, 1.0
         self._expects_again_at: float = _FIRST
         # `(S,)` receptors that had felt nothing when the agent first knew what to expect.
         self._never_felt: np.ndarray | None = None
@@ -135,6 +158,8 @@ class Life:
         # a change becomes the chain of the changed body, in the same frame.
         self._to_guess: Sequence[int] = ()
         self._chain: LivedChain | None = None
+        # The last explanation, as long as few touches tell it.
+        self._guessed: _Guess | None = None
         # Whether it is to ask for one; touches that accept none are not asked again.
         self._asks_for_chain = asks
         # Number of the first touch of the body as it is.
@@ -163,16 +188,20 @@ class Life:
         self.num_touches += len(block)
         changed = self._watch(block)
         self._learn(block[:changed])
+        if self._guessed is not None:
+            strange = self._guessed.strange.and_then(block)
+            self._guessed = replace(self._guessed, strange=strange)
         if self._raised is not None:
             self._strange = self._strange.and_then(block[changed:])
             if len(self._strange) >= _TO_EXPLAIN:
-                self._explain(*self._raised, self._explanation())
+                self._explain(*self._raised, *self._explanation())
             elif self._to_guess and len(self._strange) >= self._to_guess[0]:
                 self._to_guess = self._to_guess[1:]
-                guess = self._guess()
-                if guess is not None:
-                    self._explain(*self._raised, guess)
+                if not self._withdraws():
+                    self._guess()
             return
+        if self._guessed is not None and len(self._guessed.strange) >= _TO_EXPLAIN:
+            self._guessed = None  # touches went on to agree
         if self._to_refine:
             self._strange = self._strange.and_then(block)
             if len(self._strange) >= self._to_refine[0]:
@@ -225,56 +254,77 @@ class Life:
             num = int(min(_USUAL * self.learner.num_touches, _MOST_USUAL))
             self._last = self._last.and_then(block)[-num:]
 
-    def _explanation(self) -> BodyChange:
-        """What changed, by the strange touches."""
-        assert self._watching is not None
-        self._look_back()
-        return explain_change(
-            self._watching[0],
-            self._last,
-            self._before,
-            self._strange,
-            known=self._chain,
-            num_steps=self._num_steps,
-            seed=self._seed,
-        )
+    def _explanation(self) -> tuple[BodyChange, Earlier]:
+        """What changed, by the strange touches, and what was known before."""
+        earlier = self._look_back()
+        change = explain_change(earlier, self._strange, num_steps=self._num_steps, seed=self._seed)
+        return change, earlier
 
-    def _guess(self) -> BodyChange | None:
-        """What moved of the chain, if that explains the strange touches; None without a chain."""
-        assert self._watching is not None
-        self._look_back()
-        if self._chain is None:
+    def _guess(self) -> None:
+        """Explains the change by what moved of the chain, if that explains the strange touches."""
+        assert self._raised is not None
+        earlier = self._look_back()
+        if earlier.known is None:
             self._to_guess = ()
-            return None
-        return guess_change(
-            self._watching[0], self._last, self._before, self._strange, known=self._chain
-        )
+            return
+        change = guess_change(earlier, self._strange)
+        if change is not None:
+            self._guessed = _Guess(
+                earlier=earlier, hand=copy.deepcopy(self.hand), strange=self._strange
+            )
+            self._explain(*self._raised, change, earlier)
 
-    def _look_back(self) -> None:
-        """Remembers the touches from before the change, and the chain of the body then."""
+    def _withdraws(self) -> bool:
+        """Whether the last explanation was wrong, and another one explains all touches since."""
+        if self._guessed is None:
+            return False
+        guess = self._guessed
+        change = guess_change(guess.earlier, guess.strange, newest=len(self._strange))
+        if change is None:
+            return False
+        was = self.noticed.pop()
+        self._strange, self._before = guess.strange, guess.earlier.before
+        self.hand = copy.deepcopy(guess.hand)
+        self._explain(was.row, was.since, change, guess.earlier, (*was.withdrawn, was.change))
+        return True
+
+    def _look_back(self) -> Earlier:
+        """What the agent knew before the change."""
+        assert self._watching is not None
         remembered, number = self._remembered()
         self._before = remembered[number < self._num_before]
         self._chain = self._chain or self._chain_of(self._before)
+        return Earlier(self._watching[0], self._last, self._before, self._chain)
 
-    def _explain(self, row: int, since: int, change: BodyChange) -> None:
+    def _explain(
+        self,
+        row: int,
+        since: int,
+        change: BodyChange,
+        earlier: Earlier,
+        withdrawn: tuple[BodyChange, ...] = (),
+    ) -> None:
         self.noticed.append(
             Noticed(
                 row=row,
                 since=since,
                 explained_at=self.num_touches,
                 change=change,
-                in_hand=self._taken_in_hand(change),
+                in_hand=self._taken_in_hand(change, earlier.known),
+                withdrawn=withdrawn,
             )
         )
+        if len(self._strange) >= _TO_EXPLAIN:
+            self._guessed = None
         self._born, self._raised, self._never_felt = since, None, None
         guess = change.displacement or change.new.receptors.any()
         self._to_refine = _TO_REFINE if guess else ()
         self._begin_again(change)
         self._expect()
 
-    def _taken_in_hand(self, change: BodyChange) -> str:
+    def _taken_in_hand(self, change: BodyChange, before: LivedChain | None) -> str:
         """What the agent finds in its hand after a change; the chain becomes that of the change."""
-        before, self._chain, self._asks_for_chain = self._chain, None, self._asks
+        self._chain, self._asks_for_chain = None, self._asks
         unexplained = change.chain is None and change.left > ENOUGH
         if before is None or change.displacement or unexplained:
             # Tools are places in the frame of one chain.
@@ -327,18 +377,29 @@ class Life:
         """Learns what to expect from all remembered touches except the last ones."""
         (remembered, number), last = self._remembered(), self._last
         early = remembered[number < self.learner.num_touches - len(last)]
-        expectation = Expectation(early, num_steps=self._num_steps, seed=self._seed)
+        self._chain, self._placed = self._chain or self._chain_of(early), None
+        expectation: Expectation
+        if self._chain is not None:
+            expectation = ChainExpectation(self._chain.chain, early)
+        else:
+            expectation = LearnedExpectation(early, num_steps=self._num_steps, seed=self._seed)
         expected = expectation(last.q)
         if self._never_felt is None:  # later, what began to feel shortly before is still new
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
         felt, num_touches = last.sensation, self.learner.num_touches
         usual, novelty = expectation.surprise(expected, felt), expectation.novelty(last.q)
-        self._chain, self._placed = self._chain or self._chain_of(early), None
+        # Soon after a change, the last touches are not in the order in which they came.
+        ordered = self.num_touches - self._born >= len(last)
+        surprising, misplacing = (1.0, 1.0) if ordered else self._correlation
+        rise = SurpriseTest(usual, novelty, correlation=surprising)
         if self._chain is not None:
-            self._placed = PlaceTest(*self._chain.chain.misplaced(last.q, felt))
+            off = self._chain.chain.misplaced(last.q, felt)
+            self._placed = PlaceTest(*off, correlation=misplacing)
+            misplacing = self._placed.correlation
+        self._correlation = rise.correlation, misplacing
         self._watching = (
             expectation,
-            SurpriseTest(usual, novelty),
+            rise,
             ReceptorTest(with_unit_norm(expected), felt, novelty, self._never_felt, num_touches),
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))

@@ -1,5 +1,7 @@
 """A body that changed is the chain as it was, but for the fewest numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hand_made_chains import ArmOnBall
@@ -10,6 +12,7 @@ from selftouch_drake.agent.body_model.chain_change import (
     Change,
     explained,
     foretold,
+    off_alike,
 )
 
 NUM_SINCE = 60
@@ -52,6 +55,36 @@ def test_a_zero_that_moved_is_one_number(known, usual, joint):
     np.testing.assert_allclose(change.as_before(now, lower, upper), q)
     assert reached.all()
     assert not change.moved(q, lower, np.full(4, -1.9))[1].any()
+
+
+def test_errors_that_are_alike_in_touches_that_follow_each_other_earn_no_numbers(known, usual):
+    q, felt = ArmOnBall().touches(NUM_SINCE, seed=6)
+    q[:, 1] -= 0.1
+    before, since = foretold(known, usual, (q, felt))
+    # As a finger that slides: what is left out changes slowly from touch to touch.
+    random = np.random.default_rng(3)
+    runs = [
+        np.repeat(random.standard_normal((-(-len(some.q) // 8), 3)), 8, axis=0)[: len(some.q)]
+        for some in (before, since)
+    ]
+    off = [
+        replace(some, place=some.place + 2 * run @ np.linalg.inv(some.root))
+        for some, run in zip((before, since), runs, strict=True)
+    ]
+    assert (
+        off_alike(off[0].errors(known).reshape(-1, 3))
+        > 4
+        > 2
+        > off_alike(before.errors(known).reshape(-1, 3))
+    )
+    change = explained(known, *off)
+    (part,) = change.parts
+    assert (part.kind, part.joint) == (Change.ZERO, 1)
+    assert part.sure
+    assert part.amount == pytest.approx(0.1, abs=4 * part.sigma[0])
+    # The standard error says how few touches that is worth.
+    (exact,) = explained(known, before, since).parts
+    assert part.sigma[0] > 3 * exact.sigma[0]
 
 
 def test_a_longer_fingertip_and_a_longer_link_are_told_apart(known, usual):

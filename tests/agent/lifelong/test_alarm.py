@@ -58,6 +58,11 @@ def test_touches_that_come_in_runs_count_for_less():
     runs, novelty = np.repeat(rng.exponential(size=20_000), 5), np.repeat(alike(20_000), 5)
     alarm = SurpriseTest(runs[:4000], novelty[:4000])
     assert alarm.correlation > 3
+    # In no order they do not tell; what was known before holds.
+    shuffled = rng.permutation(4000)
+    some = runs[shuffled], novelty[shuffled]
+    assert SurpriseTest(*some).correlation < 2
+    assert SurpriseTest(*some, correlation=alarm.correlation).correlation == alarm.correlation
     assert alarm.watch(runs[4000:], novelty[4000:]) is None
 
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong import explanation
-from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet, cosine_distance
-from selftouch_drake.agent.lifelong.explanation import explain_change
+from selftouch_drake.agent.lifelong.expectation import LearnedExpectation, TouchSet, cosine_distance
+from selftouch_drake.agent.lifelong.explanation import Earlier, explain_change
 from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
 
 NUM_OLD = 6000
@@ -18,7 +18,7 @@ NUM_STEPS = 1000
 
 @pytest.fixture(scope="module")
 def expectation(touches):
-    return Expectation(touches[:5000], num_steps=NUM_STEPS)
+    return LearnedExpectation(touches[:5000], num_steps=NUM_STEPS)
 
 
 def found(expectation, touches, change):
@@ -27,7 +27,7 @@ def found(expectation, touches, change):
     since = TouchSet(*change(new.q.copy(), new.sensation.copy()))
     since = since[since.sensation.any(axis=1)]
     before = touches[:NUM_OLD]
-    return explain_change(expectation, before[5000:], before, since, num_steps=NUM_STEPS)
+    return explain_change(Earlier(expectation, before[5000:], before), since, num_steps=NUM_STEPS)
 
 
 def test_it_expects_what_it_feels(touches, expectation):
@@ -92,9 +92,9 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
     before = TouchSet(q, blind)[:NUM_OLD]
-    expectation = Expectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
+    expectation = LearnedExpectation(before[:5000][some[:5000]], num_steps=NUM_STEPS)
     usual = before[5000:][some[5000:NUM_OLD]]
-    change = explain_change(expectation, usual, before, touches[NUM_OLD:])
+    change = explain_change(Earlier(expectation, usual, before), touches[NUM_OLD:])
     assert np.flatnonzero(change.new.receptors).tolist() == [7]
     numbers = np.arange(1000)[:, None] * np.ones(q.shape[1])
     adapted = change.adapted(TouchSet(numbers, blind[:1000]))
@@ -129,13 +129,13 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     _, place = cKDTree(touches.q[:150]).query(touches.q)
     touches = touches[np.argsort(place, kind="stable")]
     before, since = touches[:NUM_OLD], touches[NUM_OLD:]
-    poor = Expectation(before[:5000], num_steps=30)
+    poor = LearnedExpectation(before[:5000], num_steps=30)
     dead = np.argsort(since.sensation.sum(axis=0))[-8:]
     sensation = since.sensation.copy()
     sensation[:, dead] = 0.0
     since = TouchSet(since.q, sensation)[sensation.any(axis=1)]
 
-    change = explain_change(poor, before[5000:], before, since, num_steps=30)
+    change = explain_change(Earlier(poor, before[5000:], before), since, num_steps=30)
     assert np.array_equal(np.flatnonzero(change.silent), np.sort(dead))
     assert not change.displacement
     # A displacement would explain a good part of the surprise.
