@@ -47,6 +47,11 @@ class Scene:
         met = set(self.part[self.target].tolist())
         return sorted({part for part, _ in self.ways} & met)
 
+    @property
+    def blunt(self) -> bool:
+        """Whether several points of one link touch: a hand that is no point."""
+        return len({(part, way) for (part, _), way in self.ways.items()}) < len(self.ways)
+
     def touchers(self, part: int) -> np.ndarray:
         """Touchers that may touch a part."""
         return np.array(sorted(u for p, u in self.ways if p == part), dtype=int)
