@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.density import limbs, own_cores, who_touched
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread
+from selftouch_drake.agent.body_model.density import SURE, limbs, telling_cores, who_touched
 from selftouch_drake.agent.body_model.fit import Bodies, Group
 from selftouch_drake.agent.body_model.forest import (
     Links,
@@ -30,7 +31,6 @@ from selftouch_drake.agent.body_model.structure import (
     pair_statistic,
     population,
 )
-from selftouch_drake.agent.body_model.touchers import spread
 from selftouch_drake.agent.body_model.who_touched import started
 
 # A body that explains some of a new part is bundled so often at most, and must not explain so much
@@ -38,9 +38,9 @@ from selftouch_drake.agent.body_model.who_touched import started
 _MOST_BUNDLES, _WORSE = 3, 0.05
 # Touches that a chain is searched with, and that a bundle is refined with while the tree grows.
 _SEARCHED, _BUNDLED = 20_000, 15_000
-# Touches by which hands are told apart: all of some kernels, for densities need many of each. With
+# Touches by which hands are told apart, and joints that tell them: all of some kernels, for densities need many of each. With
 # 40 touches of each kernel a fifth of the surest of five arms is wrong, with 200 one in fifty.
-_TOLD_APART = 60_000
+_TOLD_APART, _CORES_COMPARED = 60_000, 20_000
 # Parts with fewer touches are only hung.
 _FEWEST = 600
 # Share of explained touches above which a chain is a seed, and a part joins the tree.
@@ -49,12 +49,13 @@ _SEED, _JOINS = 0.75, 0.7
 # explains this share by one, and a larger one by several: of ten chains of the iCub's left hand the
 # right one reached 0.93, and that of a joint left out 0.77.
 _HOPE, _SEED_OF_SEVERAL = 0.2, 0.82
+# One that explains more is taken at once. Where none does, but one explains the second share, chains
+# are searched so often.
+_WELL, _HOPE_OF_SEVERAL, _SEARCHES = 0.9, 0.5, 3
 #: Points of one link that touch, at most.
 MOST_TOUCHERS = 4
-# A touch is surely of a limb above the first probability, or the second, if these are few. Of the
-# iCub's head 1 and 0.6 % of those above the second are of the other hand, 0.1 of those above the
-# first: the criterion of a right chain falls by 2, and that of a wrong order by half as much.
-_SURE = (0.99, 0.85)
+# A touch is surely of a limb above this probability where those that are surer are few.
+_NEARLY_SURE = 0.85
 # Up to so many joints, orders of all of them compete.
 _ALL_TRIED = 16
 # Parts whose chains compete to be the seed.
@@ -192,7 +193,7 @@ class _Grower:
         if len(self.rows[part]) >= _FEWEST and self.groups[part].num_kernels >= 8:
             bodies = found_chains(self.search, self.groups[part], self.holding[part])
             for body in itertools.islice(bodies, most or None):
-                proved = self._proved(body, self.groups[part].rows, part)
+                proved, _ = self._proved(body, self.groups[part].rows, part)
                 if proved is not None:
                     self.chains[part] = proved
                     break
@@ -200,22 +201,29 @@ class _Grower:
             self.given_up.add(part)
         return self.chains.get(part)
 
-    def _proved(self, chain: Bodies, rows: np.ndarray, part: int) -> Bodies | None:
-        """The chain if it explains touches of a part, by one point of a hand or by several."""
+    def _proved(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies | None, float]:
+        """The chain if it explains touches of a part, by one point of a hand or by several.
+
+        And the share that it explains.
+        """
         own = alone(self.scene, rows, part, chain)
         solution = started(own, chain.twists[0], chain.points[0])
         share = explained(own, solution, part)
         if share > _SEED:
-            return chain
+            return chain, share
         if share < _HOPE:
-            return None
+            return None, share
+        some = dense_rows(self.scene.target, rows, self.search.random)
+        own = alone(self.scene, some, part, chain)
         own, solution = spread(own, solution, part, MOST_TOUCHERS, self.search.random)
-        if explained(own, solution, part) < _SEED_OF_SEVERAL:
-            return None
-        return replace(
+        share = explained(own, solution, part)
+        if share < _SEED_OF_SEVERAL:
+            return None, share
+        wider = replace(
             chain, twists=solution.twists[None], points=solution.points[None],
             loss=solution.criterion[[part]][None],
         )  # fmt: skip
+        return wider, share
 
     def look_again(self, part: int) -> bool:
         """Looks for more chains of a part that has one, and keeps the sharpest; whether it is new.
@@ -224,7 +232,7 @@ class _Grower:
         """
         before = self.chains[part]
         for body in found_chains(self.search, self.groups[part], self.holding[part]):
-            proved = self._proved(body, self.groups[part].rows, part)
+            proved, _ = self._proved(body, self.groups[part].rows, part)
             if proved is not None and proved.loss.sum() < self._loss(part):
                 self.chains[part] = proved
         return self.chains[part] is not before
@@ -245,10 +253,10 @@ class _Grower:
         cores = limbs(*self.statistic[part])
         if len(cores) < 2:
             return None
-        group = self._dense(part)
-        cores = own_cores(self.search.q, group, cores)
+        cores = telling_cores(self.search.q, self._dense(part, _CORES_COMPARED), cores)
         if len(cores) < 2:
             return None
+        group = self._dense(part, _TOLD_APART)
         share = who_touched(self.search.q, group, cores)
         groups, held = list[Group](), list[set[int]]()
         for limb, core in enumerate(cores):
@@ -280,8 +288,8 @@ class _Grower:
     def _sure(share: np.ndarray, limb: int) -> np.ndarray:
         """`(n,)` bool, the touches that a limb made surely; less surely where these are few."""
         own = share.argmax(axis=1) == limb
-        surely = own & (share[:, limb] > _SURE[0])
-        return surely if surely.sum() >= _FEWEST else own & (share[:, limb] > _SURE[1])
+        surely = own & (share[:, limb] > SURE)
+        return surely if surely.sum() >= _FEWEST else own & (share[:, limb] > _NEARLY_SURE)
 
     def _explained(self, body: Mechanism, part: int, rows: np.ndarray) -> float:
         """Share of some touches of a part that a body explains as it is."""
@@ -290,18 +298,39 @@ class _Grower:
         return explained(scene, started(scene, body.twists, body.points), part)
 
     def _of_limb(self, own: Group, joints: list[int], part: int) -> Bodies | None:
-        """The chain of one hand; where its hand is no point, the sharpest of those that are good.
+        """The chain of one hand; where its hand is no point, the best of those that are good.
 
-        A chain with two joints at wrong places explains nearly as much by several points.
+        By one point every second population misses the chain of such a hand, and a chain with two
+        joints at wrong places explains nearly as much as the right one by several points.
         """
-        best = None
-        for chain in found_chains(self.search, own, joints):
-            proved = self._proved(chain, own.rows, part)
-            if proved is chain:
-                return chain
-            if proved is not None and (best is None or proved.loss.sum() < best.loss.sum()):
-                best = proved
+        best, most, hope = None, 0.0, 0.0
+        for _ in range(_SEARCHES):
+            for chain in found_chains(self.search, own, joints):
+                proved, share = self._proved(chain, own.rows, part)
+                if proved is chain:
+                    return chain
+                hope = max(hope, share)
+                if proved is None:
+                    continue
+                ordered, share = self._well_ordered(proved, own.rows, part)
+                if share > most:
+                    best, most = ordered, share
+                if most > _WELL:
+                    return best
+            if hope < _HOPE_OF_SEVERAL:
+                return None
         return best
+
+    def _well_ordered(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies, float]:
+        """The chain of a hand of several points in the best order, and what it explains."""
+        own = alone(self.scene, rows, part, chain)
+        solution = started(own, chain.twists[0], chain.points[0])
+        own, solution = in_better_order(self.search, own, solution, part)
+        ordered = replace(
+            chain, ways=[[own.ways[part, 0]]], twists=solution.twists[None],
+            points=solution.points[None], loss=solution.criterion[[part]][None],
+        )  # fmt: skip
+        return ordered, explained(own, solution, part)
 
     def with_hung(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with those parts hung that need nothing new; None if there are none."""
@@ -402,7 +431,7 @@ class _Grower:
         hands = links.hands(links.toucher)
         if len(hands) < 2:
             return hands[0], group
-        group = self._dense(part)
+        group = self._dense(part, _TOLD_APART)
         statistic, _ = self.statistic[part]
         cores = []
         for hand in hands:
@@ -421,13 +450,13 @@ class _Grower:
             return hands[most], group
         return hands[most], one
 
-    def _dense(self, part: int) -> Group:
-        """All touches of some kernels of a part."""
+    def _dense(self, part: int, number: int) -> Group:
+        """All touches of some kernels of a part, so many or a few more."""
         rows = self.rows[part]
         target = self.scene.target[rows]
         kernels = self.search.random.permutation(np.unique(target))
         total = np.cumsum(np.bincount(target)[kernels])
-        kept = kernels[: max(8, int(np.searchsorted(total, _TOLD_APART)) + 1)]
+        kept = kernels[: max(8, int(np.searchsorted(total, number)) + 1)]
         rows = rows[np.isin(target, kept)]
         return Group.of(rows, self.scene.target[rows])
 

@@ -3,20 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 
 from selftouch_drake.agent.body_model.chain import derivatives
 from selftouch_drake.agent.body_model.fit import Way
-from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, Solution, all_places
 from selftouch_drake.agent.body_model.who_touched import expected, metric, started
 
 #: A further point is added only if the negative log-likelihood of held-out labels falls by more,
 #: in nats per touch. Measured on one and two fingers: 0.4 for a true one, 0.01 for a false one.
 GAIN = 0.05
-# Where a point of a hand must have been, it was not if it is so many times farther from the middle
-# of all such places than half of them are; steps of least squares for points that clusters tell.
-_FAR, _SPREAD_STEPS = 4.0, 6
 # Touches on which candidates compete, and on which labels are predicted.
 _SOME, _PREDICTED = 8000, 2500
 
@@ -93,29 +88,6 @@ def candidates(scene: Scene, solution: Solution, part: int, link_of: int) -> lis
     if len(doubtful) > 30:
         found.append(np.concatenate([solution.points, [_densest(doubtful)]]))
     return found
-
-
-def spread(
-    scene: Scene, solution: Solution, part: int, number: int, random: np.random.Generator
-) -> tuple[Scene, Solution]:
-    """Several points instead of the one of a link that touches a part: a hand is no point.
-
-    Args:
-        scene: touches of the part by one toucher.
-        solution: of these.
-        part: which part.
-        number: of points.
-        random: where clusters begin.
-    """
-    way = scene.ways[part, 0]
-    cloud = in_hand(scene, solution, scene.rows(part), way)
-    cloud = cloud[np.isfinite(cloud).all(axis=1)]
-    away = np.linalg.norm(cloud - np.median(cloud, axis=0), axis=1)
-    cloud = cloud[away <= _FAR * np.median(away)]
-    points = kmeans2(cloud, number, minit="++", rng=random)[0]
-    wider = replace(scene, ways={(part, toucher): way for toucher in range(number)})
-    begun = started(wider, solution.twists, points)
-    return wider, refined(wider, begun, steps=_SPREAD_STEPS)
 
 
 def _densest(cloud: np.ndarray, most: int = 600) -> np.ndarray:

@@ -13,7 +13,7 @@ from selftouch_drake.agent.body_model.density import own_cores
 from selftouch_drake.agent.body_model.fit import Bodies, Group, chain_way
 from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import Search, order_of
-from selftouch_drake.agent.body_model.touchers import spread
+from selftouch_drake.agent.body_model.blunt import spread
 from selftouch_drake.agent.body_model.who_touched import started
 
 KERNELS = 60
