@@ -6,6 +6,7 @@ import numpy as np
 
 from selftouch_drake.agent.body_model.chain import derivatives
 from selftouch_drake.agent.body_model.fit import Way
+from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, Solution, all_places
 from selftouch_drake.agent.body_model.who_touched import expected, metric, started
 
