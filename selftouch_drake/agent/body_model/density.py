@@ -22,8 +22,8 @@ _ROUNDS = 8
 # Floor of a density, relative to the background, and of a toucher's share of a kernel.
 _FLOOR = 0.02
 #: A touch is surely of a limb above this probability. Of the iCub's head 1 and 0.6 % of those above
-#: 0.85 are of the other hand, 0.1 of those above this: the criterion of a right chain falls by 2, and
-#: that of a wrong order by half as much.
+#: 0.85 are of the other hand, 0.1 of those above this: the criterion of a right chain falls by 2,
+#: and that of a wrong order by half as much.
 SURE = 0.99
 # The same for a first look; a joint that another limb needs by more than this share is of both.
 _NEARLY_SURE, _OF_BOTH = 0.85, 0.5

@@ -38,8 +38,9 @@ from selftouch_drake.agent.body_model.who_touched import started
 _MOST_BUNDLES, _WORSE = 3, 0.05
 # Touches that a chain is searched with, and that a bundle is refined with while the tree grows.
 _SEARCHED, _BUNDLED = 20_000, 15_000
-# Touches by which hands are told apart, and joints that tell them: all of some kernels, for densities need many of each. With
-# 40 touches of each kernel a fifth of the surest of five arms is wrong, with 200 one in fifty.
+# Touches by which hands are told apart, and joints that tell them: all of some kernels, for
+# densities need many of each. With 40 touches of each kernel a fifth of the surest of five arms is
+# wrong, with 200 one in fifty.
 _TOLD_APART, _CORES_COMPARED = 60_000, 20_000
 # Parts with fewer touches are only hung.
 _FEWEST = 600
@@ -49,8 +50,8 @@ _SEED, _JOINS = 0.75, 0.7
 # explains this share by one, and a larger one by several: of ten chains of the iCub's left hand the
 # right one reached 0.93, and that of a joint left out 0.77.
 _HOPE, _SEED_OF_SEVERAL = 0.2, 0.82
-# One that explains more is taken at once. Where none does, but one explains the second share, chains
-# are searched so often.
+# One that explains more is taken at once. Where none does, but one explains the second share,
+# chains are searched so often.
 _WELL, _HOPE_OF_SEVERAL, _SEARCHES = 0.9, 0.5, 3
 #: Points of one link that touch, at most.
 MOST_TOUCHERS = 4
@@ -273,8 +274,9 @@ class _Grower:
             if len(own.rows) < 300 or own.num_kernels < 8:
                 continue
             others = set[int]().union(*(held[:limb] + held[limb + 1 :]))
+            surely = [j for j in self.moving if j in held[limb]]
             mine = [j for j in self.moving if j in held[limb] or j not in others]
-            chain = self._of_limb(own, mine, part)
+            chain = self._of_limb(own, surely, mine, part)
             if chain is not None:
                 chains.append((chain, own.rows))
         if not chains:
@@ -297,15 +299,24 @@ class _Grower:
         scene = replace(self.scene.some(rows), ways=ways)
         return explained(scene, started(scene, body.twists, body.points), part)
 
-    def _of_limb(self, own: Group, joints: list[int], part: int) -> Bodies | None:
+    def _of_limb(
+        self, own: Group, surely: list[int], joints: list[int], part: int
+    ) -> Bodies | None:
         """The chain of one hand; where its hand is no point, the best of those that are good.
 
         By one point every second population misses the chain of such a hand, and a chain with two
         joints at wrong places explains nearly as much as the right one by several points.
+
+        Args:
+            own: its touches.
+            surely: joints that hold each other among them.
+            joints: that may matter; some act only together with others, which no pair shows.
+            part: that is touched.
         """
         best, most, hope = None, 0.0, 0.0
-        for _ in range(_SEARCHES):
-            for chain in found_chains(self.search, own, joints):
+        tried = [surely, joints] if 3 <= len(surely) < len(joints) else [joints]
+        for search in range(_SEARCHES):
+            for chain in found_chains(self.search, own, tried[search % len(tried)]):
                 proved, share = self._proved(chain, own.rows, part)
                 if proved is chain:
                     return chain
@@ -317,7 +328,7 @@ class _Grower:
                     best, most = ordered, share
                 if most > _WELL:
                     return best
-            if hope < _HOPE_OF_SEVERAL:
+            if search + 1 >= len(tried) and hope < _HOPE_OF_SEVERAL:
                 return None
         return best
 

@@ -4,6 +4,7 @@ A `Scene` is what is given, a `Solution` what is found. Places of a scene's touc
 joints and points of a solution; kernels have the places and normals that most of their touches say.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -49,8 +50,9 @@ class Scene:
 
     @property
     def blunt(self) -> bool:
-        """Whether several points of one link touch: a hand that is no point."""
-        return len({(part, way) for (part, _), way in self.ways.items()}) < len(self.ways)
+        """Whether three points of one link touch, or more: a hand that is no point."""
+        number = Counter((part, way) for (part, _), way in self.ways.items())
+        return max(number.values(), default=0) >= 3
 
     def touchers(self, part: int) -> np.ndarray:
         """Touchers that may touch a part."""

@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from selftouch_drake.agent.body_model import forest, grow
 from selftouch_drake.agent.body_model.chain import adjoint, places
-from selftouch_drake.agent.body_model.density import own_cores
+from selftouch_drake.agent.body_model.density import own_cores, telling_cores
 from selftouch_drake.agent.body_model.fit import Bodies, Group, chain_way
 from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import Search, order_of
-from selftouch_drake.agent.body_model.blunt import spread
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread
 from selftouch_drake.agent.body_model.who_touched import started
 
 KERNELS = 60
@@ -169,3 +169,23 @@ def test_limbs_are_told_by_the_joints_that_each_needs_alone():
     # The neck was given to one of them, and one limb fell into two.
     cores = own_cores(q, group, [[0, 2, 3], [1, 5, 6, 7], [3, 4]])
     assert sorted(cores) == [[2, 3, 4], [5, 6, 7]]
+
+
+def test_joints_that_tell_more_touches_surely_are_taken():
+    scene, _, _, _ = two_arms_on_a_neck()
+    q = scene.q.T.astype(np.float32)
+    group = Group.of(np.arange(len(scene.q)), scene.target)
+    right, wrong = [[2, 3, 4], [5, 6, 7]], [[0, 2, 3], [1, 5, 6, 7], [3, 4]]
+    assert sorted(telling_cores(q, group, right)) == right
+    assert sorted(telling_cores(q, group, wrong)) == right
+
+
+def test_joints_of_a_hand_that_is_no_point_find_their_places():
+    scene, hand, twists, points = two_arms_on_a_neck(points_of_a_hand=3)
+    ways = dict.fromkeys(((0, 0), (0, 1), (0, 2)), chain_way([0, 2, 1, 3, 4]))
+    own = replace(scene.some(np.flatnonzero(hand == 0)), ways=ways)
+    assert own.blunt
+    search = Search(scene.q.T.astype(np.float32), np.random.default_rng(0))
+    ordered, solution = in_better_order(search, own, started(own, twists, points[:3]), 0)
+    assert order_of(ordered.ways[0, 0]) == [0, 1, 2, 3, 4]
+    assert forest.explained(ordered, solution, 0) > 0.85
