@@ -304,8 +304,9 @@ class _Grower:
     ) -> Bodies | None:
         """The chain of one hand; where its hand is no point, the best of those that are good.
 
-        By one point every second population misses the chain of such a hand, and a chain with two
-        joints at wrong places explains nearly as much as the right one by several points.
+        A hand is a point unless no chain of all joints says so: by several, a chain without one of
+        them may explain as much. By one point many a population misses the chain of a hand that is
+        none, and a chain with two joints at wrong places explains nearly as much as the right one.
 
         Args:
             own: its touches.
@@ -314,9 +315,9 @@ class _Grower:
             part: that is touched.
         """
         best, most, hope = None, 0.0, 0.0
-        tried = [surely, joints] if 3 <= len(surely) < len(joints) else [joints]
-        for search in range(_SEARCHES):
-            for chain in found_chains(self.search, own, tried[search % len(tried)]):
+        fewer = surely if len(surely) >= 3 else joints
+        for tried in [joints, *[fewer] * (_SEARCHES - 1)]:
+            for chain in found_chains(self.search, own, tried):
                 proved, share = self._proved(chain, own.rows, part)
                 if proved is chain:
                     return chain
@@ -326,10 +327,10 @@ class _Grower:
                 ordered, share = self._well_ordered(proved, own.rows, part)
                 if share > most:
                     best, most = ordered, share
-                if most > _WELL:
+                if most > _WELL and tried is not joints:
                     return best
-            if search + 1 >= len(tried) and hope < _HOPE_OF_SEVERAL:
-                return None
+            if most > _WELL or hope < _HOPE_OF_SEVERAL:
+                break
         return best
 
     def _well_ordered(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies, float]:
