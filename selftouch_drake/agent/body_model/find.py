@@ -14,7 +14,9 @@ from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
 from selftouch_drake.agent.body_model.forest import Mechanism
 from selftouch_drake.agent.body_model.judge import (
     ACCEPTED,
+    ACCEPTED_BY_SEVERAL,
     ACCEPTED_OF_PROVED,
+    ACCEPTED_OF_PROVED_BY_SEVERAL,
     CHOICE,
     VERDICT,
     Judgement,
@@ -451,10 +453,13 @@ def judge_part(
     parameters = 6 * len(joints) + 3 * len(touchers)
     if solution.sizes is not None:
         parameters += solution.sizes.shape.shape[1] * int(solution.sizes.sized[touchers].sum())
+    needed = ACCEPTED_OF_PROVED if proved else ACCEPTED
+    if scene.blunt:
+        needed = ACCEPTED_OF_PROVED_BY_SEVERAL if proved else ACCEPTED_BY_SEVERAL
     return judged(
         sample(scene, who), sample(tests, np.full(len(tests.rows(part)), -1)),
         parameters=0 if proved else parameters, number=len(scene.part),
-        needed=ACCEPTED_OF_PROVED if proved else ACCEPTED,
+        needed=needed,
     )  # fmt: skip
 
 

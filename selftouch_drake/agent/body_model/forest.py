@@ -1,7 +1,7 @@
 """One tree from chains: skins hung where they fit, hands and joints added one after another."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,9 @@ _EARNED = 0.03
 # One that comes later than a part, besides, so many of those that are not explained yet: of these,
 # wrong joints explain some by chance.
 _LATE = 0.5
+# Kernels that two chains from one part must share to be joined, and touches of the second that the
+# two must explain.
+_KERNELS_OF_BOTH, _BRANCHES = 8, 0.3
 # Joints that a hypothesis may have too many or too few, compared with a chain found alone.
 _APART = 2
 # Neighbours that nearly commute may change places where a part hangs between them: the bracket of
@@ -75,6 +78,13 @@ class Links:
                 if other != before:
                     pile.append((other, (*way, (joint, sign)), link))
         raise ValueError(f"links {start} and {end} are not joined")
+
+    def hands(self, touchers: Iterable[int]) -> list[list[int]]:
+        """Touchers by the link that carries them."""
+        by_link: dict[int, list[int]] = {}
+        for toucher in touchers:
+            by_link.setdefault(self.toucher[toucher], []).append(toucher)
+        return list(by_link.values())
 
     def reaching(self, link: int) -> list[int]:
         """Touchers that have joints enough on their way to touch all of a part on a link."""
@@ -252,21 +262,22 @@ def _hung_there(
     """The same on one link."""
     best: tuple[float, Mechanism] | None = None
     links = body.links
-    touchers = sorted(links.reaching(link))
-    while touchers:
+    hands = links.hands(sorted(links.reaching(link)))
+    while hands:
+        touchers = sorted(itertools.chain(*hands))
         there = replace(links, part={**links.part, part: link})
         ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
         tried = replace(some, ways=ways)
         solution = started(tried, body.twists, body.points)
-        value = explained(tried, solution, part) - _EARNED * (len(touchers) - 1)
+        value = explained(tried, solution, part) - _EARNED * (len(hands) - 1)
         if best is None or value > best[0]:
             pairs = (*body.pairs, *((part, u) for u in touchers))
             best = value, replace(body, links=there, pairs=pairs)
-        share = solution.frequency[part][touchers]
-        if len(touchers) == 1:
+        if len(hands) == 1:
             break
         # Without the one that touches least; and each alone, if there are two.
-        touchers = [u for u in touchers if u != touchers[int(share.argmin())]]
+        share = [solution.frequency[part][hand].sum() for hand in hands]
+        hands.pop(int(np.argmin(share)))
     return best
 
 
@@ -284,16 +295,16 @@ def with_late_touchers(scene: Scene, body: Mechanism, random: np.random.Generato
     links = body.links
     for part, link in links.part.items():
         own = [u for p, u in body.pairs if p == part]
-        late = [u for u in links.reaching(link) if u not in own]
+        late = links.hands(u for u in links.reaching(link) if u not in own)
         if not late:
             continue
         some = scene.some(dense_rows(scene.target, scene.rows(part), random))
         before = _covered(some, body, part, own)
-        for toucher in late:
-            after = _covered(some, body, part, [*own, toucher])
+        for hand in late:
+            after = _covered(some, body, part, [*own, *hand])
             if after > before + max(_EARNED, _LATE * (1.0 - before)):
-                own, before = [*own, toucher], after
-                body = replace(body, pairs=(*body.pairs, (part, toucher)))
+                own, before = [*own, *hand], after
+                body = replace(body, pairs=(*body.pairs, *((part, u) for u in hand)))
     return body
 
 
@@ -345,35 +356,63 @@ def twist_similarity(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 def joined(scene: Scene, part: int, limbs: Sequence[tuple[Bodies, np.ndarray]]) -> Mechanism:
     """One body of several chains from one part, brought to common places of its kernels.
 
+    Chains may share joints: each leaves the body where that explains most of its touches.
+
     Args:
         scene: touches; its ways are not read.
         part: that all chains begin at.
-        limbs: chains, each with the touches that it was fitted to.
+        limbs: chains, the sharpest first, each with the touches that it was fitted to.
     """
     (first, rows), *others = limbs
-    way = first.ways[0][0]
-    links = Links.of_chain(way, part)
-    twists, points = first.twists[0].copy(), [first.points[0, 0]]
+    links = Links.of_chain(first.ways[0][0], part, first.points.shape[1])
+    pairs = tuple((part, toucher) for toucher in links.toucher)
+    body = Mechanism(links, first.twists[0].copy(), first.points[0], pairs)
     places = _medians(scene, first, rows)
-    for number, (chain, its_rows) in enumerate(others, start=1):
+    for chain, its_rows in others:
         its = _medians(scene, chain, its_rows)
         both = np.isfinite(places).all(axis=1) & np.isfinite(its).all(axis=1)
+        if both.sum() < _KERNELS_OF_BOTH:
+            continue
         motion = robust_similarity(its[both], places[both])
-        its_way = chain.ways[0][0]
-        joints = [joint for joint, _ in its_way if joint not in links.ends]
-        links, end = links.extended(links.part[part], joints, forwards=True)
-        links = replace(links, toucher={**links.toucher, number: end})
-        twists[joints] = adjoint(motion, chain.twists[0, joints])
-        points.append(motion[:3, :3] @ chain.points[0, 0] + motion[:3, 3])
-    return Mechanism(links, twists, np.array(points), tuple((part, u) for u in range(len(points))))
+        trials = [
+            _branched(scene.some(its_rows), body, part, chain, motion, link)
+            for link in range(body.links.number)
+        ]
+        share, best = max(trials, key=lambda trial: trial[0])
+        if share > _BRANCHES:
+            body = best
+    return body
+
+
+def _branched(
+    own: Scene, body: Mechanism, part: int, chain: Bodies, motion: np.ndarray, link: int
+) -> tuple[float, Mechanism]:
+    """The body with a chain that leaves it at a link, and the share of the chain's touches."""
+    joints = [joint for joint, _ in chain.ways[0][0] if joint not in body.links.ends]
+    links, end = body.links.extended(link, joints, forwards=True)
+    new = range(len(body.points), len(body.points) + chain.points.shape[1])
+    links = replace(links, toucher={**links.toucher, **dict.fromkeys(new, end)})
+    twists = body.twists.copy()
+    twists[joints] = adjoint(motion, chain.twists[0, joints])
+    there = chain.points[0] @ motion[:3, :3].T + motion[:3, 3]
+    pairs = (*body.pairs, *((part, toucher) for toucher in new))
+    branched = Mechanism(links, twists, np.concatenate([body.points, there]), pairs)
+    if len(links.way(links.part[part], end)) < 3:
+        return 0.0, branched
+    ways = {pair: way for pair, way in branched.ways().items() if pair[1] in new}
+    tried = replace(own, ways=ways)
+    return explained(tried, started(tried, twists, branched.points), part), branched
+
+
+def alone(scene: Scene, rows: np.ndarray, part: int, chain: Bodies) -> Scene:
+    """Touches of a part by the touchers of one chain."""
+    touchers = range(chain.points.shape[1])
+    return replace(scene.some(rows), ways={(part, u): chain.ways[0][0] for u in touchers})
 
 
 def _medians(scene: Scene, chain: Bodies, rows: np.ndarray) -> np.ndarray:
-    alone = replace(
-        scene.some(rows), ways={(int(scene.part[scene.target[rows[0]]]), 0): chain.ways[0][0]}
-    )
-    Y = all_places(alone, chain.twists[0], chain.points[0])[0]
-    return kernel_medians(Y, alone.target, len(scene.part), least=4)
+    own = alone(scene, rows, int(scene.part[scene.target[rows[0]]]), chain)
+    return started(own, chain.twists[0], chain.points[0]).place
 
 
 def attached(

@@ -7,11 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.density import limbs, who_touched
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread
+from selftouch_drake.agent.body_model.density import SURE, limbs, telling_cores, who_touched
 from selftouch_drake.agent.body_model.fit import Bodies, Group
 from selftouch_drake.agent.body_model.forest import (
     Links,
     Mechanism,
+    alone,
     attached,
     dense_rows,
     explained,
@@ -31,17 +33,30 @@ from selftouch_drake.agent.body_model.structure import (
 )
 from selftouch_drake.agent.body_model.who_touched import started
 
+# A body that explains some of a new part is bundled so often at most, and must not explain so much
+# less of any other part then.
+_MOST_BUNDLES, _WORSE = 3, 0.05
 # Touches that a chain is searched with, and that a bundle is refined with while the tree grows.
 _SEARCHED, _BUNDLED = 20_000, 15_000
-# Touches by which hands are told apart: all of some kernels, for densities need many of each. With
-# 40 touches of each kernel a fifth of the surest of five arms is wrong, with 200 one in fifty.
-_TOLD_APART = 30_000
+# Touches by which hands are told apart, and joints that tell them: all of some kernels, for
+# densities need many of each. With 40 touches of each kernel a fifth of the surest of five arms is
+# wrong, with 200 one in fifty.
+_TOLD_APART, _CORES_COMPARED = 60_000, 20_000
 # Parts with fewer touches are only hung.
 _FEWEST = 600
 # Share of explained touches above which a chain is a seed, and a part joins the tree.
 _SEED, _JOINS = 0.75, 0.7
-# A touch belongs to a limb surely above this probability.
-_SURE = 0.85
+# A chain that explains less by one point of its hand may explain more by several; if it is right it
+# explains this share by one, and a larger one by several: of ten chains of the iCub's left hand the
+# right one reached 0.93, and that of a joint left out 0.77.
+_HOPE, _SEED_OF_SEVERAL = 0.2, 0.82
+# One that explains more is taken at once. Where none does, but one explains the second share,
+# chains are searched so often.
+_WELL, _HOPE_OF_SEVERAL, _SEARCHES = 0.9, 0.5, 3
+#: Points of one link that touch, at most.
+MOST_TOUCHERS = 4
+# A touch is surely of a limb above this probability where those that are surer are few.
+_NEARLY_SURE = 0.85
 # Up to so many joints, orders of all of them compete.
 _ALL_TRIED = 16
 # Parts whose chains compete to be the seed.
@@ -123,9 +138,11 @@ class _Grower:
             for p in self.parts
             if len(self.rows[p]) >= _FEWEST and self.groups[p].num_kernels >= 8
         ]
-        if hands:
+        if hands or len(self.moving) > _ALL_TRIED:
+            # Hardly any chain is as long, and the search for one takes minutes.
             bodies = (self.of_several_hands(p) for p in ripe[:2])
             yield from itertools.islice((body for body in bodies if body is not None), 1)
+        if hands:
             return
         probe = {}
         for p in ripe:
@@ -177,17 +194,37 @@ class _Grower:
         if len(self.rows[part]) >= _FEWEST and self.groups[part].num_kernels >= 8:
             bodies = found_chains(self.search, self.groups[part], self.holding[part])
             for body in itertools.islice(bodies, most or None):
-                if self._worth(body, part) > _SEED:
-                    self.chains[part] = body
+                proved, _ = self._proved(body, self.groups[part].rows, part)
+                if proved is not None:
+                    self.chains[part] = proved
                     break
         if not most:
             self.given_up.add(part)
         return self.chains.get(part)
 
-    def _worth(self, chain: Bodies, part: int) -> float:
-        some = self.scene.some(self.groups[part].rows)
-        alone = replace(some, ways={(part, 0): chain.ways[0][0]})
-        return explained(alone, started(alone, chain.twists[0], chain.points[0]), part)
+    def _proved(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies | None, float]:
+        """The chain if it explains touches of a part, by one point of a hand or by several.
+
+        And the share that it explains.
+        """
+        own = alone(self.scene, rows, part, chain)
+        solution = started(own, chain.twists[0], chain.points[0])
+        share = explained(own, solution, part)
+        if share > _SEED:
+            return chain, share
+        if share < _HOPE:
+            return None, share
+        some = dense_rows(self.scene.target, rows, self.search.random)
+        own = alone(self.scene, some, part, chain)
+        own, solution = spread(own, solution, part, MOST_TOUCHERS, self.search.random)
+        share = explained(own, solution, part)
+        if share < _SEED_OF_SEVERAL:
+            return None, share
+        wider = replace(
+            chain, twists=solution.twists[None], points=solution.points[None],
+            loss=solution.criterion[[part]][None],
+        )  # fmt: skip
+        return wider, share
 
     def look_again(self, part: int) -> bool:
         """Looks for more chains of a part that has one, and keeps the sharpest; whether it is new.
@@ -196,8 +233,9 @@ class _Grower:
         """
         before = self.chains[part]
         for body in found_chains(self.search, self.groups[part], self.holding[part]):
-            if float(body.loss.sum()) < self._loss(part) and self._worth(body, part) > _SEED:
-                self.chains[part] = body
+            proved, _ = self._proved(body, self.groups[part].rows, part)
+            if proved is not None and proved.loss.sum() < self._loss(part):
+                self.chains[part] = proved
         return self.chains[part] is not before
 
     def _loss(self, part: int) -> float:
@@ -207,19 +245,23 @@ class _Grower:
     def _of_chain(self, part: int) -> Mechanism:
         """A body of the chain of a part."""
         chain = self.chains[part]
-        links = Links.of_chain(chain.ways[0][0], part)
-        return self.bundled(Mechanism(links, chain.twists[0], chain.points[0], ((part, 0),)))
+        links = Links.of_chain(chain.ways[0][0], part, chain.points.shape[1])
+        pairs = tuple((part, toucher) for toucher in links.toucher)
+        return self.bundled(Mechanism(links, chain.twists[0], chain.points[0], pairs))
 
     def of_several_hands(self, part: int) -> Mechanism | None:
         """A body of several chains that meet at a part, told apart by densities of their joints."""
         cores = limbs(*self.statistic[part])
         if len(cores) < 2:
             return None
-        group = self._dense(part)
+        cores = telling_cores(self.search.q, self._dense(part, _CORES_COMPARED), cores)
+        if len(cores) < 2:
+            return None
+        group = self._dense(part, _TOLD_APART)
         share = who_touched(self.search.q, group, cores)
         groups, held = list[Group](), list[set[int]]()
         for limb, core in enumerate(cores):
-            sure = group.rows[(share.argmax(axis=1) == limb) & (share[:, limb] > _SURE)]
+            sure = group.rows[self._sure(share, limb)]
             own = Group.of(sure, self.scene.target[sure])
             groups.append(own)
             held.append(set(core))
@@ -232,15 +274,24 @@ class _Grower:
             if len(own.rows) < 300 or own.num_kernels < 8:
                 continue
             others = set[int]().union(*(held[:limb] + held[limb + 1 :]))
+            surely = [j for j in self.moving if j in held[limb]]
             mine = [j for j in self.moving if j in held[limb] or j not in others]
-            chain = self._of_limb(own, mine, part)
+            chain = self._of_limb(own, surely, mine, part)
             if chain is not None:
                 chains.append((chain, own.rows))
         if not chains:
             return None
-        body = self.bundled(joined(self.scene, part, _disjoint(chains)))
+        chains.sort(key=lambda one: float(one[0].loss.sum()))
+        body = self.bundled(joined(self.scene, part, chains))
         some = dense_rows(self.scene.target, self.rows[part], self.search.random)
         return body if self._explained(body, part, some) > _SEED else None
+
+    @staticmethod
+    def _sure(share: np.ndarray, limb: int) -> np.ndarray:
+        """`(n,)` bool, the touches that a limb made surely; less surely where these are few."""
+        own = share.argmax(axis=1) == limb
+        surely = own & (share[:, limb] > SURE)
+        return surely if surely.sum() >= _FEWEST else own & (share[:, limb] > _NEARLY_SURE)
 
     def _explained(self, body: Mechanism, part: int, rows: np.ndarray) -> float:
         """Share of some touches of a part that a body explains as it is."""
@@ -248,23 +299,95 @@ class _Grower:
         scene = replace(self.scene.some(rows), ways=ways)
         return explained(scene, started(scene, body.twists, body.points), part)
 
-    def _of_limb(self, own: Group, joints: list[int], part: int) -> Bodies | None:
-        for chain in found_chains(self.search, own, joints):
-            alone = replace(self.scene.some(own.rows), ways={(part, 0): chain.ways[0][0]})
-            solution = started(alone, chain.twists[0], chain.points[0])
-            if explained(alone, solution, part) > _SEED:
-                return chain
-        return None
+    def _of_limb(
+        self, own: Group, surely: list[int], joints: list[int], part: int
+    ) -> Bodies | None:
+        """The chain of one hand; where its hand is no point, the best of those that are good.
+
+        A hand is a point unless no chain of all joints says so: by several, a chain without one of
+        them may explain as much. By one point many a population misses the chain of a hand that is
+        none, and a chain with two joints at wrong places explains nearly as much as the right one.
+
+        Args:
+            own: its touches.
+            surely: joints that hold each other among them.
+            joints: that may matter; some act only together with others, which no pair shows.
+            part: that is touched.
+        """
+        best, most, hope = None, 0.0, 0.0
+        fewer = surely if len(surely) >= 3 else joints
+        for tried in [joints, *[fewer] * (_SEARCHES - 1)]:
+            for chain in found_chains(self.search, own, tried):
+                proved, share = self._proved(chain, own.rows, part)
+                if proved is chain:
+                    return chain
+                hope = max(hope, share)
+                if proved is None:
+                    continue
+                ordered, share = self._well_ordered(proved, own.rows, part)
+                if share > most:
+                    best, most = ordered, share
+                if most > _WELL and tried is not joints:
+                    return best
+            if most > _WELL or hope < _HOPE_OF_SEVERAL:
+                break
+        return best
+
+    def _well_ordered(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies, float]:
+        """The chain of a hand of several points in the best order, and what it explains."""
+        own = alone(self.scene, rows, part, chain)
+        solution = started(own, chain.twists[0], chain.points[0])
+        own, solution = in_better_order(self.search, own, solution, part)
+        ordered = replace(
+            chain, ways=[[own.ways[part, 0]]], twists=solution.twists[None],
+            points=solution.points[None], loss=solution.criterion[[part]][None],
+        )  # fmt: skip
+        return ordered, explained(own, solution, part)
 
     def with_hung(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with those parts hung that need nothing new; None if there are none."""
-        added = False
+        added, nearly = False, list[tuple[float, int, Mechanism]]()
         for part in waiting:
             best = hung(self._training, body, part, self.search.random)
             self.search.tick()
             if best is not None and best[0] > _JOINS:
                 body, added = best[1], True
-        return self.bundled(body) if added else None
+            elif best is not None and not set(self.held[part]) - set(body.links.ends):
+                nearly.append((best[0], part, best[1]))
+        if added:
+            return self.bundled(body)
+        for share, part, bigger in sorted(nearly, key=lambda one: -one[0]):
+            if share > _HOPE:
+                some = dense_rows(self.scene.target, self.rows[part], self.search.random)
+                settled = self._settled(body, bigger, part, some)
+                if settled is not None:
+                    return settled
+        return None
+
+    def _settled(
+        self, body: Mechanism, bigger: Mechanism, part: int, rows: np.ndarray
+    ) -> Mechanism | None:
+        """The body with a part, bundled until it explains some of its touches; or None.
+
+        Parts that the body has must not be explained worse: a part at a wrong link bends the rest.
+        """
+        for _ in range(_MOST_BUNDLES):
+            bigger = self.bundled(bigger)
+            share = self._explained(bigger, part, rows)
+            if share < _HOPE:
+                return None
+            if share > _JOINS:
+                return bigger if self._keeps(body, bigger) else None
+        return None
+
+    def _keeps(self, body: Mechanism, bigger: Mechanism) -> bool:
+        """Whether a bigger body explains all parts of a body as well."""
+        for part in body.links.part:
+            rows = dense_rows(self.scene.target, self.rows[part], self.search.random)
+            before, after = (self._explained(one, part, rows) for one in (body, bigger))
+            if after < before - _WORSE:
+                return False
+        return True
 
     def with_attached(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with one part that brings new joints; None if there is none."""
@@ -275,9 +398,9 @@ class _Grower:
                 some = dense_rows(self.scene.target, self.rows[part], self.search.random)
                 if self._explained(bigger, part, some) > _JOINS:
                     return self.bundled(bigger)
-                bigger = self.bundled(bigger)
-                if self._explained(bigger, part, some) > _JOINS:
-                    return bigger
+                settled = self._settled(body, bigger, part, some)
+                if settled is not None:
+                    return settled
         return None
 
     def _attachments(self, body: Mechanism, part: int) -> Iterator[Mechanism]:
@@ -289,10 +412,10 @@ class _Grower:
         new = [joint for joint in self.held[part] if joint not in known]
         if part not in self.chains and 0 < len(new) <= _MOST_NEW:
             # Between the tree and the skin. All touches of one hand, if densities tell them.
-            toucher, group = self._most_of_one_hand(body, part)
+            hand, group = self._most_of_one_hand(body, part)
             for _ in range(_TRIES):
                 tried = attached(
-                    self.search, self.scene, group, _only(body, toucher), part,
+                    self.search, self.scene, group, _only(body, hand), part,
                     inner=new, outer=[], shared=None,
                 )[:3]  # fmt: skip
                 for one in tried:
@@ -314,36 +437,38 @@ class _Grower:
             inner=inner, outer=outer, shared=shared,
         )[:3]  # fmt: skip
 
-    def _most_of_one_hand(self, body: Mechanism, part: int) -> tuple[int, Group]:
-        """The toucher of most touches that densities tell surely, and these."""
+    def _most_of_one_hand(self, body: Mechanism, part: int) -> tuple[list[int], Group]:
+        """The touchers of the hand of most touches that densities tell surely, and these."""
         group, links = self.groups[part], body.links
-        if len(links.toucher) < 2:
-            return next(iter(links.toucher)), group
-        group = self._dense(part)
+        hands = links.hands(links.toucher)
+        if len(hands) < 2:
+            return hands[0], group
+        group = self._dense(part, _TOLD_APART)
         statistic, _ = self.statistic[part]
         cores = []
-        for toucher, link in links.toucher.items():
-            ways = [links.way(link, other) for u, other in links.toucher.items() if u != toucher]
+        for hand in hands:
+            link = links.toucher[hand[0]]
+            ways = [links.way(link, other) for other in links.toucher.values() if other != link]
             # The joints nearest to the hand that no other hand has.
             own = order_of(min(ways, key=len))
             own = own[: max(3, len(own) // 2)]
             cores.append(sorted(sorted(own, key=lambda j: -statistic[j].max())[:3]))
         share = who_touched(self.search.q, group, cores)
-        sure = [(share.argmax(axis=1) == u) & (share[:, u] > _SURE) for u in range(len(cores))]
+        sure = [self._sure(share, limb) for limb in range(len(cores))]
         most = int(np.argmax([np.sum(of_one) for of_one in sure]))
         rows = group.rows[sure[most]]
         one = Group.of(rows, self.scene.target[rows])
         if one.num_kernels < 8:
-            return list(links.toucher)[most], group
-        return list(links.toucher)[most], one
+            return hands[most], group
+        return hands[most], one
 
-    def _dense(self, part: int) -> Group:
-        """All touches of some kernels of a part."""
+    def _dense(self, part: int, number: int) -> Group:
+        """All touches of some kernels of a part, so many or a few more."""
         rows = self.rows[part]
         target = self.scene.target[rows]
         kernels = self.search.random.permutation(np.unique(target))
         total = np.cumsum(np.bincount(target)[kernels])
-        kept = kernels[: max(8, int(np.searchsorted(total, _TOLD_APART)) + 1)]
+        kept = kernels[: max(8, int(np.searchsorted(total, number)) + 1)]
         rows = rows[np.isin(target, kept)]
         return Group.of(rows, self.scene.target[rows])
 
@@ -369,21 +494,9 @@ class _Grower:
         return replace(body, twists=solution.twists, points=solution.points)
 
 
-def _disjoint(chains: list[tuple[Bodies, np.ndarray]]) -> list[tuple[Bodies, np.ndarray]]:
-    """Chains without the joints of sharper ones, the sharpest first."""
-    known: set[int] = set()
-    kept = []
-    for chain, rows in sorted(chains, key=lambda one: float(one[0].loss.sum())):
-        joints = set(order_of(chain.ways[0][0]))
-        if not joints & known:
-            kept.append((chain, rows))
-            known |= joints
-    return kept
-
-
-def _only(body: Mechanism, toucher: int) -> Mechanism:
-    """The body with one of its touchers alone."""
-    links = replace(body.links, toucher={toucher: body.links.toucher[toucher]})
+def _only(body: Mechanism, hand: list[int]) -> Mechanism:
+    """The body with the touchers of one hand alone."""
+    links = replace(body.links, toucher={u: body.links.toucher[u] for u in hand})
     return replace(body, links=links)
 
 

@@ -4,6 +4,7 @@ A `Scene` is what is given, a `Solution` what is found. Places of a scene's touc
 joints and points of a solution; kernels have the places and normals that most of their touches say.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,12 @@ class Scene:
         """Parts that a toucher reaches, and that touches met."""
         met = set(self.part[self.target].tolist())
         return sorted({part for part, _ in self.ways} & met)
+
+    @property
+    def blunt(self) -> bool:
+        """Whether three points of one link touch, or more: a hand that is no point."""
+        number = Counter((part, way) for (part, _), way in self.ways.items())
+        return max(number.values(), default=0) >= 3
 
     def touchers(self, part: int) -> np.ndarray:
         """Touchers that may touch a part."""

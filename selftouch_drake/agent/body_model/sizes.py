@@ -6,6 +6,7 @@ a ball, which feel the same. Five numbers for each toucher say how its surface d
 kept for the touchers whose held-out touches lie nearer to the places of their kernels with them.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -175,8 +176,10 @@ def with_sizes(
         tick: called before each step.
     """
     long = np.zeros(len(solution.points), dtype=bool)
-    for (_, toucher), way in scene.ways.items():
-        long[toucher] |= len(way) >= _FEWEST_JOINTS
+    ways = Counter((part, way) for (part, _), way in scene.ways.items())
+    for (part, toucher), way in scene.ways.items():
+        # Several points of one link are its surface already.
+        long[toucher] |= len(way) >= _FEWEST_JOINTS and ways[part, way] == 1
     if not long.any():
         return solution
     some = scene.some(np.sort(random.permutation(len(scene.q))[:_TRIED]))

@@ -192,6 +192,10 @@ def settled(
         kernels = (mass[scene.part == part] > 0.5).sum()
         free = max(total - kernels, 1.0)
         sigma[part] = np.sqrt(np.maximum([across / 2 / free, along / free], 1e-12))
+        if scene.blunt:
+            # What a hand's points leave is as large along normals. Were it less, joints would bend
+            # the skin until it is, at the cost of what is across.
+            sigma[part] = np.sqrt(max((across + along) / 3 / free, 1e-12))
         frequency[part] = own.mean(axis=0)
         volume = 2 * np.sum(np.log(sigma[part]) * [2, 1])
         criterion[part] = volume - np.linalg.slogdet(total_scatter(cloud)[1])[1]

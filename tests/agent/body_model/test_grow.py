@@ -1,15 +1,21 @@
 """A tree grows from one chain; where little hangs on it, a sharper chain is looked for."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from hand_made_chains import an_arm, touches
+from hand_made_chains import an_arm, nearest_of, touches
+from scipy.spatial.transform import Rotation
 
 from selftouch_drake.agent.body_model import forest, grow
-from selftouch_drake.agent.body_model.fit import Bodies, chain_way
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread
+from selftouch_drake.agent.body_model.chain import adjoint, places
+from selftouch_drake.agent.body_model.density import telling_cores
+from selftouch_drake.agent.body_model.fit import Bodies, Group, chain_way
 from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import Search, order_of
+from selftouch_drake.agent.body_model.who_touched import started
 
 KERNELS = 60
 RIGHT, WRONG = [0, 1, 2, 3, 4, 5], [0, 1, 4, 3, 2, 5]
@@ -91,3 +97,88 @@ def test_a_hand_that_came_later_than_a_part_touches_it_if_that_explains_more():
     # A hand that explains nothing is left out.
     elsewhere = replace(body, twists=np.concatenate([twists[:4], an_arm(seed=5, joints=4)[0]]))
     assert forest.with_late_touchers(scene, elsewhere, random) is elsewhere
+
+
+def carried(motion, point):
+    return motion[:3, :3] @ point + motion[:3, 3]
+
+
+@cache
+def two_arms_on_a_neck(points_of_a_hand=1):
+    """Touches of a ball on a neck of two joints by two arms of three: `Scene`, twists and points.
+
+    Joints 0 and 1 are the neck's; 2, 3, 4 the first arm's. Each touch is by one hand.
+    """
+    random = np.random.default_rng(4)
+    first, point = an_arm(seed=1, joints=5)
+    own, other = an_arm(seed=2, joints=3)
+    twists = np.concatenate([first, own])
+    near = random.standard_normal((points_of_a_hand, 3))
+    points = np.concatenate([point + near, other + near[::-1]])
+    q, y, hand = [], [], []
+    center, radius = None, None
+    for number, arm in enumerate(([0, 1, 2, 3, 4], [0, 1, 5, 6, 7])):
+        tried = random.uniform(-1.5, 1.5, (400_000, 8))
+        which = number * points_of_a_hand + random.integers(points_of_a_hand, size=len(tried))
+        there = places(tried[:, arm], twists[arm], points[which])
+        if center is None:
+            center = np.median(there, axis=0)
+            radius = np.median(np.linalg.norm(there - center, axis=1))
+        on = np.abs(np.linalg.norm(there - center, axis=1) / radius - 1) < 0.02
+        q.append(tried[on][:4000])
+        y.append(there[on][:4000])
+        hand += [number] * len(q[-1])
+    target = nearest_of(np.concatenate(y), KERNELS)
+    scene = Scene(np.concatenate(q), target, np.zeros(KERNELS, dtype=int), {})
+    return scene, np.array(hand), twists, points
+
+
+def test_chains_of_two_hands_that_share_a_neck_become_one_tree():
+    scene, hand, twists, points = two_arms_on_a_neck()
+    # The second chain was found alone: in another frame, of another size, and mirrored.
+    motion = np.eye(4)
+    motion[:3, :3] = 0.7 * Rotation.random(rng=1).as_matrix() @ np.diag([1, 1, -1])
+    motion[:3, 3] = [3, -1, 2]
+    chains = [
+        (chain([0, 1, 2, 3, 4], twists, points[0], -9.0), np.flatnonzero(hand == 0)),
+        (
+            chain([0, 1, 5, 6, 7], adjoint(motion, twists), carried(motion, points[1]), -8.0),
+            np.flatnonzero(hand == 1),
+        ),
+    ]
+    body = forest.joined(scene, 0, chains)
+    assert order_of(body.links.way(body.links.part[0], body.links.toucher[0])) == [0, 1, 2, 3, 4]
+    assert order_of(body.links.way(body.links.part[0], body.links.toucher[1])) == [0, 1, 5, 6, 7]
+    assert np.allclose(body.twists, twists, atol=0.06)
+    assert np.allclose(body.points, points, atol=0.1)
+
+
+def test_a_hand_that_is_no_point_is_given_several():
+    scene, hand, twists, points = two_arms_on_a_neck(points_of_a_hand=3)
+    way = chain_way([0, 1, 2, 3, 4])
+    own = replace(scene.some(np.flatnonzero(hand == 0)), ways={(0, 0): way})
+    blunt = started(own, twists, points[:3].mean(axis=0)[None])
+    assert forest.explained(own, blunt, 0) < 0.6
+    wider, solution = spread(own, blunt, 0, 3, np.random.default_rng(0))
+    assert forest.explained(wider, solution, 0) > 0.85
+    assert len(wider.touchers(0)) == 3
+
+
+def test_limbs_are_told_by_the_joints_that_tell_most_touches_surely():
+    scene, _, _, _ = two_arms_on_a_neck()
+    some = np.arange(0, len(scene.q), 2)
+    q, group = scene.q.T.astype(np.float32), Group.of(some, scene.target[some])
+    # The neck was given to one of them, and one limb fell into two: each limb's own joints are.
+    cores = telling_cores(q, group, [[0, 2, 3], [1, 5, 6, 7], [3, 4]])
+    assert sorted(cores) == [[2, 3, 4], [5, 6, 7]]
+
+
+def test_joints_of_a_hand_that_is_no_point_find_their_places():
+    scene, hand, twists, points = two_arms_on_a_neck(points_of_a_hand=3)
+    ways = dict.fromkeys(((0, 0), (0, 1), (0, 2)), chain_way([0, 2, 1, 3, 4]))
+    own = replace(scene.some(np.flatnonzero(hand == 0)), ways=ways)
+    assert own.blunt
+    search = Search(scene.q.T.astype(np.float32), np.random.default_rng(0))
+    ordered, solution = in_better_order(search, own, started(own, twists, points[:3]), 0)
+    assert order_of(ordered.ways[0, 0]) == [0, 1, 2, 3, 4]
+    assert forest.explained(ordered, solution, 0) > 0.85
