@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hand_made_chains import an_arm, nearest_of, touches
 from scipy.spatial.transform import Rotation
-from selftouch_drake.agent.body_model.blunt import in_better_order, spread
 
 from selftouch_drake.agent.body_model import forest, grow
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import telling_cores
 from selftouch_drake.agent.body_model.fit import Bodies, Group, chain_way
