@@ -52,7 +52,7 @@ _SEED, _JOINS = 0.75, 0.7
 _HOPE, _SEED_OF_SEVERAL = 0.2, 0.82
 # One that explains more is taken at once. Where none does, but one explains the second share,
 # chains are searched so often.
-_WELL, _HOPE_OF_SEVERAL, _SEARCHES = 0.9, 0.5, 3
+_WELL, _HOPE_OF_SEVERAL, _SEARCHES = 0.95, 0.5, 3
 #: Points of one link that touch, at most.
 MOST_TOUCHERS = 4
 # A touch is surely of a limb above this probability where those that are surer are few.
