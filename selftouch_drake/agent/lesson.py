@@ -315,23 +315,45 @@ def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:
     felt = np.count_nonzero(sensation > 0, axis=0)
     label = _felt_together(sensation)
     of_touch = label[sensation.argmax(axis=1)]
-    parts = []
-    for part in np.unique(of_touch):
-        own = np.flatnonzero((label == part) & (felt > 0))
-        touched = of_touch == part
-        limb: Sequence[int] = ()
-        number = int(np.count_nonzero(touched))
-        by = [
-            int(np.count_nonzero(touched & (moved.of_touch == n))) for n in range(len(moved.sets))
+    found = np.unique(of_touch)
+    by = np.array(
+        [
+            [np.count_nonzero((of_touch == part) & (moved.of_touch == n)) for part in found]
+            for n in range(len(moved.sets))
         ]
-        needed = max(_ON_PURPOSE, _SHARE * number / max(len(by), 1))
-        able = [n for n, count in enumerate(by) if count >= needed]
-        if able:
-            least = min(able, key=lambda n: by[n])
-            limb, number = moved.sets[least], by[least]
+    ).reshape(len(moved.sets), len(found))
+    able = _able(by, np.array([np.count_nonzero(of_touch == part) for part in found]))
+    parts = []
+    for column, part in enumerate(found):
+        own = np.flatnonzero((label == part) & (felt > 0))
+        limb: Sequence[int] = ()
+        number = int(np.count_nonzero(of_touch == part))
+        of_able = np.flatnonzero(able[:, column])
+        if len(of_able):
+            least = int(of_able[by[of_able, column].argmin()])
+            limb, number = moved.sets[least], int(by[least, column])
         rare_first = own[np.argsort(felt[own], kind="stable")].tolist()
         parts.append(PartKnown(receptors=rare_first, num_touches=number, limb=limb))
     return sorted(parts, key=lambda one: one.num_touches)
+
+
+def _able(by: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """`(L, P)` bool, which of L limbs touch which part on purpose.
+
+    Limbs are joined where two touch one part. While there is no such part, it is the one that a
+    second limb touched most.
+
+    Args:
+        by: `(L, P)` touches of each limb on each part.
+        number: `(P,)` touches of each part.
+    """
+    able = by >= np.maximum(_ON_PURPOSE, _SHARE * number / max(len(by), 1))
+    if len(by) > 1 and able.sum(axis=0).max() < 2:
+        second = np.sort(by, axis=0)[-2]
+        part = int(second.argmax())
+        if second[part] >= _ON_PURPOSE:
+            able[:, part] |= by[:, part] >= second[part]
+    return able
 
 
 def _felt_together(sensation: np.ndarray) -> np.ndarray:

@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lesson import JointKnown, Known, PartKnown, known, next_steps
+from selftouch_drake.agent.lesson import (
+    JointKnown,
+    Known,
+    PartKnown,
+    _able,
+    known,
+    next_steps,
+)
 
 
 def joint(name, **changed):
@@ -108,7 +115,7 @@ def test_of_several_parts_the_least_touched_is_next_by_the_limb_that_can():
     assert of_one.text.startswith("go on")
 
 
-@pytest.mark.parametrize(("by_first", "least"), [(10, [2, 3]), (20, [0, 1])])
+@pytest.mark.parametrize(("by_first", "least"), [(3, [2, 3]), (10, [0, 1]), (20, [0, 1])])
 def test_parts_and_who_touched_them_are_told_from_touches(by_first, least):
     q = np.random.default_rng(0).uniform(-1, 1, (120, 4))
     first_moves = np.repeat(np.arange(12) % 3 < 2, 10)  # in blocks of ten
@@ -128,3 +135,12 @@ def test_parts_and_who_touched_them_are_told_from_touches(by_first, least):
     assert list(rare.limb) == least
     assert rare.num_touches == (40 if least == [2, 3] else by_first)
     assert (list(often.limb), often.num_touches) == ([0, 1], 80 - by_first)
+
+
+def test_limbs_that_no_part_joins_are_asked_to_meet_where_they_nearly_do():
+    by = np.array([[18, 0, 86], [95, 100, 1]])
+    assert _able(by, by.sum(axis=0)).tolist() == [[True, False, True], [True, True, False]]
+    # Where two limbs meet, touches by chance on another part are no reason to ask for more.
+    by = np.array([[60, 0, 86], [95, 100, 10]])
+    assert _able(by, by.sum(axis=0)).tolist() == [[True, False, True], [True, True, False]]
+    assert not _able(np.zeros((0, 2)), np.array([5, 5])).any()
