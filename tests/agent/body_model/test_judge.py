@@ -177,3 +177,15 @@ def test_an_arm_in_space_is_not_flat():
     q, target, _ = touches(twists, point, number=1000, kernels=60)
     scene = Scene(q, target, np.zeros(60, dtype=int), {(0, 0): chain_way(range(4))})
     assert in_a_plane(scene, started(scene, twists, point[None])) is None
+
+
+def test_hands_of_several_points_must_explain_more():
+    twists, point = an_arm()
+    q, target, _ = touches(twists, point, kernels=KERNELS)
+    part, way = np.zeros(KERNELS, dtype=int), chain_way(range(4))
+    test = held_out(q, np.random.default_rng(2)) > 0
+    for number, needed in ((2, "88% needed"), (3, "93% needed")):
+        whole = Scene(q, target, part, dict.fromkeys(((0, u) for u in range(number)), way))
+        scene, tests = whole.some(np.flatnonzero(~test)), whole.some(np.flatnonzero(test))
+        near = point + 0.02 * np.arange(number)[:, None]
+        assert needed in judge_part(scene, tests, started(scene, twists, near), 0).reason
