@@ -315,19 +315,19 @@ def _parts_known(sensation: np.ndarray, moved: Moved) -> list[PartKnown]:
     felt = np.count_nonzero(sensation > 0, axis=0)
     label = _felt_together(sensation)
     of_touch = label[sensation.argmax(axis=1)]
-    found = np.unique(of_touch)
+    found, number_on = np.unique(of_touch, return_counts=True)
     by = np.array(
         [
             [np.count_nonzero((of_touch == part) & (moved.of_touch == n)) for part in found]
             for n in range(len(moved.sets))
         ]
     ).reshape(len(moved.sets), len(found))
-    able = _able(by, np.array([np.count_nonzero(of_touch == part) for part in found]))
+    able = _able(by, number_on)
     parts = []
     for column, part in enumerate(found):
         own = np.flatnonzero((label == part) & (felt > 0))
         limb: Sequence[int] = ()
-        number = int(np.count_nonzero(of_touch == part))
+        number = int(number_on[column])
         of_able = np.flatnonzero(able[:, column])
         if len(of_able):
             least = int(of_able[by[of_able, column].argmin()])

@@ -10,7 +10,7 @@ from selftouch_drake.agent.body_model.fit import Way
 from selftouch_drake.agent.body_model.forest import dense_rows, explained
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, Solution
-from selftouch_drake.agent.body_model.structure import Search
+from selftouch_drake.agent.body_model.structure import Search, neighbours_swapped
 from selftouch_drake.agent.body_model.touchers import in_hand
 from selftouch_drake.agent.body_model.who_touched import started
 
@@ -71,15 +71,11 @@ def in_better_order(
     while True:
         search.tick()
         way, begin = best[0].ways[part, 0], best[1]
-        swapped = [
-            (*way[:index], way[index + 1], way[index], *way[index + 2 :])
-            for index in range(len(way) - 1)
-        ]
         # The criterion alone also falls where most touches become outliers.
         least = explained(best[0], begin, part) - _BETTER
         trials = [
             (own, found)
-            for own, found in search.each(partial(trial, begin=begin), swapped)
+            for own, found in search.each(partial(trial, begin=begin), neighbours_swapped(way))
             if explained(own, found, part) > least
         ]
         sharpest = min([best, *trials], key=lambda one: float(one[1].criterion[part]))

@@ -25,8 +25,10 @@ _FLOOR = 0.02
 #: 0.85 are of the other hand, 0.1 of those above this: the criterion of a right chain falls by 2,
 #: and that of a wrong order by half as much.
 SURE = 0.99
-# The same for a first look; a joint that another limb needs by more than this share is of both.
-_NEARLY_SURE, _OF_BOTH = 0.85, 0.5
+#: The same for a first look, or where surer ones are few.
+NEARLY_SURE = 0.85
+# A joint that another limb needs by more than this share is of both.
+_OF_BOTH = 0.5
 # A limb has so many joints here at most, those that hold each other most; a weaker limb than this,
 # relative to the strongest, is none.
 _CORE, _WEAKEST = 4, 0.15
@@ -194,7 +196,7 @@ def own_cores(q: np.ndarray, group: Group, cores: list[list[int]]) -> list[list[
     labels, limb_of = group.labels(), share.argmax(axis=1)
     strength = list[np.ndarray]()
     for limb in range(len(cores)):
-        sure = (limb_of == limb) & (share[:, limb] > _NEARLY_SURE)
+        sure = (limb_of == limb) & (share[:, limb] > NEARLY_SURE)
         own = Group.of(group.rows[sure], labels[sure])
         statistic, noise = pair_statistic(q, own, least=20)
         if np.isfinite(noise):

@@ -8,7 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.agent.body_model.blunt import in_better_order, spread
-from selftouch_drake.agent.body_model.density import SURE, limbs, telling_cores, who_touched
+from selftouch_drake.agent.body_model.density import (
+    NEARLY_SURE,
+    SURE,
+    limbs,
+    telling_cores,
+    who_touched,
+)
 from selftouch_drake.agent.body_model.fit import Bodies, Group
 from selftouch_drake.agent.body_model.forest import (
     Links,
@@ -22,7 +28,7 @@ from selftouch_drake.agent.body_model.forest import (
     with_late_touchers,
 )
 from selftouch_drake.agent.body_model.refine import refined
-from selftouch_drake.agent.body_model.scene import Scene
+from selftouch_drake.agent.body_model.scene import Scene, Solution
 from selftouch_drake.agent.body_model.structure import (
     Search,
     found_chains,
@@ -55,8 +61,6 @@ _HOPE, _SEED_OF_SEVERAL = 0.2, 0.82
 _WELL, _HOPE_OF_SEVERAL, _SEARCHES = 0.95, 0.5, 3
 #: Points of one link that touch, at most.
 MOST_TOUCHERS = 4
-# A touch is surely of a limb above this probability where those that are surer are few.
-_NEARLY_SURE = 0.85
 # Up to so many joints, orders of all of them compete.
 _ALL_TRIED = 16
 # Parts whose chains compete to be the seed.
@@ -220,11 +224,7 @@ class _Grower:
         share = explained(own, solution, part)
         if share < _SEED_OF_SEVERAL:
             return None, share
-        wider = replace(
-            chain, twists=solution.twists[None], points=solution.points[None],
-            loss=solution.criterion[[part]][None],
-        )  # fmt: skip
-        return wider, share
+        return _one_body(own, solution, part), share
 
     def look_again(self, part: int) -> bool:
         """Looks for more chains of a part that has one, and keeps the sharpest; whether it is new.
@@ -291,7 +291,7 @@ class _Grower:
         """`(n,)` bool, the touches that a limb made surely; less surely where these are few."""
         own = share.argmax(axis=1) == limb
         surely = own & (share[:, limb] > SURE)
-        return surely if surely.sum() >= _FEWEST else own & (share[:, limb] > _NEARLY_SURE)
+        return surely if surely.sum() >= _FEWEST else own & (share[:, limb] > NEARLY_SURE)
 
     def _explained(self, body: Mechanism, part: int, rows: np.ndarray) -> float:
         """Share of some touches of a part that a body explains as it is."""
@@ -338,11 +338,7 @@ class _Grower:
         own = alone(self.scene, rows, part, chain)
         solution = started(own, chain.twists[0], chain.points[0])
         own, solution = in_better_order(self.search, own, solution, part)
-        ordered = replace(
-            chain, ways=[[own.ways[part, 0]]], twists=solution.twists[None],
-            points=solution.points[None], loss=solution.criterion[[part]][None],
-        )  # fmt: skip
-        return ordered, explained(own, solution, part)
+        return _one_body(own, solution, part), explained(own, solution, part)
 
     def with_hung(self, body: Mechanism, waiting: list[int]) -> Mechanism | None:
         """The body with those parts hung that need nothing new; None if there are none."""
@@ -492,6 +488,12 @@ class _Grower:
         solution = started(scene, body.twists, body.points)
         solution = refined(scene, solution, steps=6, tick=self.search.tick)
         return replace(body, twists=solution.twists, points=solution.points)
+
+
+def _one_body(own: Scene, solution: Solution, part: int) -> Bodies:
+    """The chain of touches of a part by one hand, as a search has it."""
+    loss = solution.criterion[[part]][None]
+    return Bodies([[own.ways[part, 0]]], solution.twists[None], solution.points[None], loss)
 
 
 def _only(body: Mechanism, hand: list[int]) -> Mechanism:

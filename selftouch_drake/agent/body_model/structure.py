@@ -333,13 +333,20 @@ def found_chains(search: Search, group: Group | Smooth, joints: Sequence[int]) -
             yield polished(search, group, pruned(search, group, body))
 
 
+def neighbours_swapped(way: Way) -> list[Way]:
+    """The ways on which two neighbours have changed places, the first two first."""
+    return [
+        (*way[:index], way[index + 1], way[index], *way[index + 2 :])
+        for index in range(len(way) - 1)
+    ]
+
+
 def swap_costs(search: Search, group: Group | Smooth, body: Bodies) -> np.ndarray:
     """`(L - 1,)` what it costs that neighbours of a chain change places."""
     order = order_of(body.ways[0][0])
     bodies = body.pick(np.zeros(len(order), dtype=int))
-    for index in range(len(order) - 1):
-        swapped = [*order[:index], order[index + 1], order[index], *order[index + 2 :]]
-        bodies.ways[index + 1] = [chain_way(swapped)]
+    for index, swapped in enumerate(neighbours_swapped(chain_way(order))):
+        bodies.ways[index + 1] = [swapped]
     how = Descent(steps=400, rate=0.02, kernels=60, members=12, tail=_SEARCH_TAIL)
     cost = search.descended([group], bodies, how).loss.sum(axis=1)
     return cost[1:] - cost[0]
