@@ -77,8 +77,10 @@ def test_a_descent_follows_the_gradient_of_finite_differences():
                 assert step == pytest.approx(-1e-3 * np.sign(slope), rel=1e-3), (name, entry)
 
 
-@pytest.mark.parametrize("wrong", [0.0, 0.1, 0.3])
-def test_wrong_labels_do_not_hide_the_chain(wrong):
+# Over twelve draws the chain is at most 0.33, 1.2 and 1.9 % off: the fewer labels are right, the
+# rougher, and the last digits differ between machines. A random chain is 25 % off and more.
+@pytest.mark.parametrize(("wrong", "rough"), [(0.0, 0.5), (0.1, 1.5), (0.3, 3.0)])
+def test_wrong_labels_do_not_hide_the_chain(wrong, rough):
     twists, point = an_arm()
     q, target, y = touches(twists, point)
     random = np.random.default_rng(1)
@@ -90,7 +92,7 @@ def test_wrong_labels_do_not_hide_the_chain(wrong):
     best = descended(z, [group], bodies, Descent(steps=500), 0).best(3)
     best = descended(z, [group], best, Descent(steps=500, rate=0.01, members=20), 1).best()
     found = places(z.T, best.twists[0], best.points[0, 0])
-    assert misfit(found, y) < 1.5
+    assert misfit(found, y) < rough
 
 
 def test_threads_and_blocks_do_not_change_a_byte():
