@@ -153,7 +153,8 @@ def ask(
         return _asked(q, readings, joint_names, seed, each)
     added = side.along.shape[1]
     names = [*joint_names, *(f"{joint_names[0]} along {n}" for n in range(added))]
-    model = _asked(np.hstack([q[side.row], side.along]), side.sensation, names, seed, each)
+    q = np.hstack([q[side.row], side.along])
+    model = _asked(q, side.sensation, names, seed, each, along=added)
     return without_last(model, added)
 
 
@@ -163,6 +164,7 @@ def _asked(
     joint_names: Sequence[str],
     seed: int,
     each: Callable[..., Iterable],
+    along: int = 0,
 ) -> BodyModel:
     """The body model of touches that one side felt.
 
@@ -179,6 +181,7 @@ def _asked(
             label,
             part,
             joint_names=joint_names,
+            along=along,
             seed=seed,
             each=each,  # type: ignore[arg-type]
         )

@@ -60,6 +60,7 @@ def ask_for_model(
             joint_names=[*names, *(f"{names[0]} along {n}" for n in range(added))],
             double=left_out,
             sequence=representation.kernel_row,
+            along=added,
             seed=seed,
             progress=progress,
             each=each,

@@ -107,10 +107,7 @@ def found_by_sensation(
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
         unit = None if search.scale is None else search.scale[order]
-        chain, unit = turning_alike(
-            q[:, order], precision, finished(q[:, order], precision, rough), unit
-        )
-        verdict = left_out_in_turn(q[:, order], sensed, labels, chain, unit=unit)
+        chain, unit, verdict = _judged(q[:, order], precision, sensed, labels, rough, unit)
         if best is None or verdict.accepted or chain.criterion < best[1].criterion:
             best = order, chain, unit, verdict
         if verdict.accepted:
@@ -141,7 +138,8 @@ def turning_alike(
         q: `(n, L)` standardised readings of its joints.
         precision: `(n, n)` of the places.
         chain: each of whose joints turns as far as it may.
-        unit: `(L,)` how far q turns joints that read alike; None if that is not known.
+        unit: `(L,)` how far q turns joints that read alike, NaN for others; None if that is not
+            known.
 
     Returns:
         The chain, and the unit; None if the joints do not turn alike.
@@ -150,9 +148,35 @@ def turning_alike(
         return chain, None
     alike = finished(q, precision, chain, unit=unit)
     earned = len(q) * (alike.criterion - chain.criterion)
-    if earned > (len(unit) - 1) * np.log(len(q)):
+    if earned > (np.isfinite(unit).sum() - 1) * np.log(len(q)):
         return chain, None
     return alike, unit
+
+
+def _judged(
+    q: np.ndarray,
+    precision: np.ndarray,
+    sensed: Sensed,
+    labels: np.ndarray,
+    rough: SmoothChain,
+    unit: np.ndarray | None,
+) -> tuple[SmoothChain, np.ndarray | None, Judgement]:
+    """A chain, the unit if its joints turn alike, and what touches left out say of it.
+
+    A free chain also fits what no chain explains, such as where a hand was met on its skin. So
+    joints turn alike, too, if touches left out agree with that as well, less a standard error.
+    """
+    free = finished(q, precision, rough)
+    chain, alike = turning_alike(q, precision, free, unit)
+    verdict = left_out_in_turn(q, sensed, labels, chain, unit=alike)
+    if unit is None or alike is not None:
+        return chain, alike, verdict
+    held = finished(q, precision, free, unit=unit)
+    other = left_out_in_turn(q, sensed, labels, held, unit=unit)
+    share, its = (one.near * min(1.0, 2 * one.inliers) for one in (verdict, other))
+    if its >= share - np.sqrt(share * (1 - share) / len(q)):
+        return held, unit, other
+    return chain, None, verdict
 
 
 def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
@@ -162,9 +186,9 @@ def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
     return kmeans2(np.sqrt(sensed.share), number, minit="++", seed=seed, missing="warn")[1]
 
 
-def needed_for(num_joints: int, *, alike: bool = False) -> tuple[int, int]:
-    """Parameters of a chain, whose joints may turn alike, and touches that its judgement needs."""
-    parameters = _OF_JOINT * num_joints + 3 - _OF_SIMILARITY - alike * (num_joints - 1)
+def needed_for(num_joints: int, *, alike: int = 0) -> tuple[int, int]:
+    """Parameters of a chain, some joints of which turn alike, and touches its judgement needs."""
+    parameters = _OF_JOINT * num_joints + 3 - _OF_SIMILARITY - max(alike - 1, 0)
     return parameters, TOUCHES_PER_PARAMETER * parameters
 
 
@@ -188,7 +212,9 @@ def left_out_in_turn(
         chain: of all touches.
         unit: `(L,)` of joints that turn alike, as in `finished`.
     """
-    parameters, needed = needed_for(len(chain.twists), alike=unit is not None)
+    parameters, needed = needed_for(
+        len(chain.twists), alike=0 if unit is None else int(np.isfinite(unit).sum())
+    )
     if len(q) < needed:
         return unproven(
             f"{len(q)} touches are too few for {parameters} parameters ({needed} needed)", 0

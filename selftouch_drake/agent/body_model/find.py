@@ -85,6 +85,7 @@ def find_body_model(
     joint_names: Sequence[str],
     double: np.ndarray | None = None,
     sequence: np.ndarray | None = None,
+    along: int = 0,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
     each: Each = map,
@@ -99,6 +100,7 @@ def find_body_model(
         joint_names: `(J,)` carried along.
         double: `(R,)` bool, touches that press two parts: the fit leaves them out.
         sequence: `(R,)` numbers that rise from touch to touch; their order by default.
+        along: the last so many of the J say where on its skin a hand was met: of another unit.
         seed: of all randomness.
         progress: called with the fraction done, 0 to 1, and what is done.
         each: maps a function over items, in threads for instance; the model does not depend on it.
@@ -133,7 +135,9 @@ def find_body_model(
             f"body ({least} needed)."
         )
     tick = _Ticks(progress)
-    search = Search(touches.single(), np.random.default_rng(seed), each, tick, touches.scale)
+    unit = touches.scale.copy()
+    unit[len(unit) - along :] = np.nan
+    search = Search(touches.single(), np.random.default_rng(seed), each, tick, unit)
     if sensation is not None and number <= few.MOST:
         when = touches.when(sequence)
         moved = moved_together(touches.q[when])

@@ -180,7 +180,7 @@ def finished(
         steps: at most.
         slides: `(L,)` bool, joints that do not turn; none by default.
         unit: `(L,)` how far the joints turn by q, all alike but for one factor that is not known;
-            by default each turns as far as it may.
+            NaN for joints that read something else. By default each turns as far as it may.
     """
     turns = np.ones(len(chain.twists), dtype=bool) if slides is None else ~slides
     twists, point = _held(chain.twists, turns, unit), chain.point.copy()
@@ -249,12 +249,18 @@ def without_pitch(twists: np.ndarray) -> np.ndarray:
 def _held(twists: np.ndarray, turns: np.ndarray, unit: np.ndarray | None) -> np.ndarray:
     """`(L, 6)` twists without pitch; with a unit, joints that turn do so alike."""
     twists = without_pitch(twists)
-    if unit is None or not turns.any():
+    alike = _alike(turns, unit)
+    if unit is None or not alike.any():
         return twists
-    far = np.linalg.norm(twists[turns, :3], axis=1) / unit[turns]
+    far = np.linalg.norm(twists[alike, :3], axis=1) / unit[alike]
     # The whole twist: so the axis stays where it is.
-    twists[turns] *= (np.exp(np.log(far).mean()) / far)[:, None]
+    twists[alike] *= (np.exp(np.log(far).mean()) / far)[:, None]
     return twists
+
+
+def _alike(turns: np.ndarray, unit: np.ndarray | None) -> np.ndarray:
+    """`(L,)` bool, joints that turn alike by what they read."""
+    return np.zeros_like(turns) if unit is None else turns & np.isfinite(unit)
 
 
 def _free(twists: np.ndarray, turns: np.ndarray, unit: np.ndarray | None) -> np.ndarray:
@@ -262,21 +268,21 @@ def _free(twists: np.ndarray, turns: np.ndarray, unit: np.ndarray | None) -> np.
 
     With a unit, those in which joints that turn do so alike.
     """
-    length = len(twists)
+    length, alike = len(twists), _alike(turns, unit)
     directions = []
     for joint, twist in enumerate(twists):
         if turns[joint]:
             held = [np.r_[twist[3:], twist[:3]]]
-            held += [] if unit is None else [np.r_[twist[:3], np.zeros(3)]]
+            held += [np.r_[twist[:3], np.zeros(3)]] if alike[joint] else []
         else:
             held = list(np.eye(3, 6))
         own = np.zeros((6 - len(held), 6 * length + 3))
         own[:, 6 * joint : 6 * joint + 6] = np.linalg.svd(held)[2][len(held) :]
         directions.append(own)
-    if unit is not None and turns.any():
-        alike = np.zeros((1, 6 * length + 3))
-        alike[0, :-3].reshape(-1, 6)[turns, :3] = twists[turns, :3]
-        directions.append(alike / np.linalg.norm(alike))
+    if alike.any():
+        farther = np.zeros((1, 6 * length + 3))
+        farther[0, :-3].reshape(-1, 6)[alike, :3] = twists[alike, :3]
+        directions.append(farther / np.linalg.norm(farther))
     directions.append(np.eye(3, 6 * length + 3, 6 * length))
     return np.concatenate(directions).T
 
