@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from selftouch_drake.agent.body_model.both_sides.grain import learned_skin
+from selftouch_drake.agent.body_model.both_sides.grain import map_of_readings
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.touches import receptors_together
@@ -145,10 +145,10 @@ def _along(felt: np.ndarray) -> np.ndarray:
     """`(n, 0 to 3)` where on the skin of a hand `(n, S)` touches are."""
     if (felt > 0).sum() == 0 or ((felt > 0).sum(axis=0) >= _FEWEST).sum() < _FEWEST:
         return np.zeros((len(felt), 0))
-    skin = learned_skin(felt > 0)
-    known = np.isfinite(skin.first[:, 0])
-    weight = felt[:, skin.receptor[known]].astype(float)
-    place = weight @ skin.first[known] / np.maximum(weight.sum(axis=1), 1e-12)[:, None]
+    first = map_of_readings(felt)
+    known = np.isfinite(first[:, 0])
+    weight = felt[:, known].astype(float)
+    place = weight @ first[known] / np.maximum(weight.sum(axis=1), 1e-12)[:, None]
     met = weight.any(axis=1)
     # A touch of receptors without a place is taken for one of the middle.
     place[met] -= place[met].mean(axis=0)
