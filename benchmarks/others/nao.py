@@ -71,12 +71,13 @@ from scipy.spatial.distance import cdist
 from scipy.stats import spearmanr
 from sklearn.manifold import Isomap
 
+from selftouch_drake.agent.body_model.both_sides.finer import FINE, finer, moved_over
 from selftouch_drake.agent.body_model.both_sides.finish import finished
 from selftouch_drake.agent.body_model.both_sides.judgement import Found, compared, gap_between
 from selftouch_drake.agent.body_model.both_sides.limbs import limbs_of, relevance
 from selftouch_drake.agent.body_model.both_sides.orders import found_orders
 from selftouch_drake.agent.body_model.both_sides.pairs import paired
-from selftouch_drake.agent.body_model.both_sides.problem import Body, Population
+from selftouch_drake.agent.body_model.both_sides.problem import Body, Population, Problem
 from selftouch_drake.agent.body_model.both_sides.recordings import (
     Layout,
     Recording,
@@ -211,10 +212,11 @@ def read(path: Path) -> tuple[Population, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Kept:
-    """A search that was kept: its fold and seed, what it found, and its bodies, best first."""
+    """A search that was kept: fold and seed, what it saw and found, and its bodies, best first."""
 
     fold: int
     seed: int
+    train: Sequence[Recording]
     found: Found
     some: Population
     seconds: float
@@ -233,7 +235,9 @@ def kept_of(given: argparse.Namespace, kind: str, order: str, fold: int) -> list
         some, seconds = read(path)
         seed = int(path.stem.rpartition("_")[2])
         own = Found.best(body, some)
-        result.append(Kept(fold=fold, seed=seed, found=own, some=some, seconds=seconds))
+        result.append(
+            Kept(fold=fold, seed=seed, train=train, found=own, some=some, seconds=seconds)
+        )
     return result
 
 
@@ -298,10 +302,10 @@ def _ring(path: Path, kind: str, kept: Sequence[Kept]) -> list[dict[str, object]
 def row_of(
     one: Kept, again: Sequence[Kept], test: list[Recording], path: Path
 ) -> dict[str, object]:
-    """What one search found, beside the description and other searches."""
-    body, some = one.found.body, one.some
-    limbs = body.layout.limbs
-    score = scored(body, one.found.row, test, path)
+    """What one search found, beside the description and other searches; skins are made finer."""
+    some, limbs = one.some, one.found.body.layout.limbs
+    fine = finer(one.found, one.train)
+    score = scored(fine.body, fine.row, test, path)
     gap = gap_between(some, np.array([*LEFT, *RIGHT]))
     result: dict[str, object] = {
         "arms_order_found": [*limbs["left"], *limbs["right"]] == [*LEFT, *RIGHT],
@@ -350,8 +354,8 @@ def fit_nominal(given: argparse.Namespace) -> None:
     print("|---" * (len(FITTED) + 3) + "|")
     for fold in given.folds:
         train, test = split(given.path, fold)
-        problems = Problems.of(train, LAYOUT, 0)
-        body, whole = problems.body, problems.whole
+        body = Body.of(train, LAYOUT, FINE)
+        whole = Problem.of(body, train)
         held = body.free(joints=[])
         some = nominal_bodies(body, 24, np.random.default_rng(0), given.path)
         some = whole.descended(some, steps=300, rate=0.03, sigmas=(3.0, 0.3), free=held).best(8)
@@ -422,7 +426,7 @@ def _begun(
     for one in kept_of(given, "unknown", "unknown", fold):
         # A body of another order has no row here.
         if {name: [*limb] for name, limb in one.found.body.layout.limbs.items()} == LAYOUT.limbs:
-            row = _moved_over(one.found, body)
+            row = moved_over(one.found, body)
             yield one.seed, "eight files", whole.evaluated(row[None], columns, SIGMA)
     held = body.free(joints=[])
     some = nominal_bodies(body, 24, np.random.default_rng(0), given.path)
@@ -432,24 +436,6 @@ def _begun(
         "described",
         whole.descended(some, steps=600, rate=0.02, sigmas=(0.6, SIGMA), free=held).best(),
     )
-
-
-def _moved_over(found: Found, body: Body) -> np.ndarray:
-    """A body's row for the receptors that other recordings felt."""
-    row = np.zeros(body.length, dtype=np.float32)
-    body.axes(row)[:] = found.body.axes(found.row)
-    body.centres(row)[:] = found.body.centres(found.row)
-    for end in body.ends:
-        own = body.coefficients(row, end)
-        if end in body.points:
-            own[:] = found.body.coefficients(found.row, end)
-            continue
-        before, after = found.body.skins[end], body.skins[end]
-        _, one, other = np.intersect1d(before.receptor, after.receptor, return_indices=True)
-        basis, place = after.basis[other], found.body.places(found.row, end)[one]
-        damped = basis.T @ basis + 1e-2 * np.eye(basis.shape[1])
-        own[:] = np.linalg.solve(damped, basis.T @ place)
-    return row
 
 
 def scores(found: np.ndarray, along: np.ndarray, true: np.ndarray) -> dict[str, float]:

@@ -7,6 +7,7 @@ import pytest
 from two_sided import LAYOUT, LEFT, RIGHT, arm_places, axes, recordings, trunk_places
 
 from selftouch_drake.agent.body_model.both_sides.descent import losses
+from selftouch_drake.agent.body_model.both_sides.finer import finer, moved_over
 from selftouch_drake.agent.body_model.both_sides.finish import Cost, finished
 from selftouch_drake.agent.body_model.both_sides.grain import learned_skin
 from selftouch_drake.agent.body_model.both_sides.judgement import (
@@ -123,6 +124,22 @@ def test_the_finish_goes_down_from_a_body_that_was_moved(problems, body, one):
     assert after.loss[0] < before.loss[0] - 1
     assert after.loss[0] < one.loss[0] + 0.2
     assert axes_apart((body, after.rows[0]), (body, true_row(body))).max() < 8
+
+
+def test_finer_skins_say_better_where_touches_were(touches, problems, body, one):
+    coarse = Found.best(body, one.best())
+    same = moved_over(coarse, body)
+    for skin in body.skins:
+        np.testing.assert_allclose(
+            body.places(same, skin), body.places(coarse.row, skin), atol=1e-2
+        )
+    fine = finer(coarse, touches, 30)
+    assert fine.body.size("trunk") == 30
+    orders = np.arange(6)[None]
+    loss = Problem.of(fine.body, touches).evaluated(fine.row[None], orders, SIGMA).loss[0]
+    assert loss < one.loss[0] - 1
+    apart = axes_apart((fine.body, fine.row), (body, true_row(body)))
+    assert apart.max() < 8
 
 
 def test_grain_is_the_distance_of_receptors_in_one_unit_for_all_skins(body):
