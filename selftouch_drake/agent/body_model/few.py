@@ -292,12 +292,16 @@ def _swap_costs(
 ) -> np.ndarray:
     """`(L - 1,)` what it costs that neighbours change places."""
     cost = np.zeros(max(len(order) - 1, 0))
+    slides = ~chain.twists[:, :3].any(axis=1)
     for index in range(len(cost)):
         swapped = np.arange(len(order))
         swapped[[index, index + 1]] = index + 1, index
         other = SmoothChain(chain.twists[swapped], chain.point, np.inf)
         its = None if unit is None else unit[swapped]
-        there = finished(q[:, np.array(order)[swapped]], precision, other, _REFITTED, unit=its)
+        there = finished(
+            q[:, np.array(order)[swapped]], precision, other, _REFITTED,
+            slides=slides[swapped], unit=its,
+        )  # fmt: skip
         cost[index] = there.criterion - chain.criterion
     return cost
 
