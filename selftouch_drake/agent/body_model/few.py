@@ -163,13 +163,13 @@ def _judged(
 ) -> tuple[SmoothChain, np.ndarray | None, Judgement]:
     """A chain, the unit if its joints turn alike, and what touches left out say of it.
 
-    A free chain also fits what no chain explains, such as where a hand was met on its skin. So
-    joints turn alike, too, if touches left out agree with that as well, less a standard error.
+    Beside readings of another unit a free chain fits their errors, too. So there the joints also
+    turn alike if touches left out agree with that as well, less a standard error.
     """
     free = finished(q, precision, rough)
     chain, alike = turning_alike(q, precision, free, unit)
     verdict = left_out_in_turn(q, sensed, labels, chain, unit=alike)
-    if unit is None or alike is not None:
+    if unit is None or alike is not None or np.isfinite(unit).all():
         return chain, alike, verdict
     held = finished(q, precision, free, unit=unit)
     other = left_out_in_turn(q, sensed, labels, held, unit=unit)
