@@ -17,12 +17,13 @@ both skins felt each touch.
 keeps what it found. Kinematics, taxels and mounts are unknown; unless `--order given`, so are the
 joints of each limb, their order, which limbs are a pair, and which of their joints correspond:
 `limbs` prints what touches tell of these. What is given is which skin is at the end of which limb.
-A body that was kept is not looked for again. `table` compares kept bodies with the repository's
-description and with each other: a row for each fold and seed, and one for the lowest loss of a
-fold's seeds. `nominal` fits the same from that description, and writes the corrected robot of each
-fold as URDF. `unseen` finishes, by least squares, bodies of the six files without the two in which
-hands touch the other arm, and predicts all touches of these two: bodies that were found so (`body
---without-hands`), those found from all eight files, and the described one.
+A body that was kept is not looked for again. `table` makes the skins of kept bodies finer, and
+compares them with the repository's description and with each other: a row for each fold and seed,
+and one for the lowest loss of a fold's seeds. `nominal` fits the same, with as fine skins, from
+that description, and writes the corrected robot of each fold as URDF. `unseen` finishes, by least
+squares, bodies of the six files without the two in which hands touch the other arm, and predicts
+all touches of these two: bodies that were found so (`body --without-hands`), those found from all
+eight files, and the described one.
 
 `maps` says where the taxels of one skin are, by `selftouch map`'s way, and beside it by plain
 Isomap on the cosines of shared touches. The filed positions, from another calibration, are the
@@ -139,7 +140,7 @@ def draw(given: argparse.Namespace) -> None:
             f"nao: no body of fold {fold} and seed {seed} in {given.keep}; run "
             f"`nao.py body PATH --folds {fold} --seeds {seed} --order {given.order}` first"
         )
-    own = kept[seed].found
+    own = finer(kept[seed].found, kept[seed].train)
     score = scored(own.body, own.row, split(given.path, fold)[1], given.path)
     figure, panels = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained")
     for panel, (across, name) in zip(
