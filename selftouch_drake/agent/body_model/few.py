@@ -292,7 +292,7 @@ def _swap_costs(
 ) -> np.ndarray:
     """`(L - 1,)` what it costs that neighbours change places."""
     cost = np.zeros(max(len(order) - 1, 0))
-    slides = ~chain.twists[:, :3].any(axis=1)
+    slides = np.array([not twist[:3].any() for twist in chain.twists])
     for index in range(len(cost)):
         swapped = np.arange(len(order))
         swapped[[index, index + 1]] = index + 1, index

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.body_model.asking import ask_for_model
+from selftouch_drake.agent.body_model.both_sides.grain import map_of_readings
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.felt_twice import (
     _hands,
@@ -52,6 +53,17 @@ def test_a_hand_is_read_along_its_skin():
     assert (twice.along[400:] == 0).all()
     assert abs(np.corrcoef(twice.along[:400, 0], along)[0, 1]) > 0.95
     assert twice.along[:400].mean(axis=0) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_map_of_readings_lies_as_receptors_do():
+    random = np.random.default_rng(2)
+    grid = np.stack(np.meshgrid(np.arange(7.0), np.arange(7.0)), axis=-1).reshape(-1, 2)
+    felt = np.maximum(0, 1 - cdist(random.uniform(0, 6, (400, 2)), grid) / 2)
+    place = map_of_readings(np.column_stack([felt, np.zeros(400)]))
+    assert np.isnan(place[-1]).all()
+    flat = np.column_stack([place[:-1], np.ones(len(grid))])
+    off = grid - flat @ np.linalg.lstsq(flat, grid, rcond=None)[0]
+    assert np.sqrt((off**2).sum(axis=1).mean() / grid.var(axis=0).sum()) < 0.08
 
 
 def test_touches_of_one_side_are_left_out_and_decide_if_they_are_most():
