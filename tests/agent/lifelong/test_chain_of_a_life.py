@@ -93,6 +93,14 @@ def test_no_joint_is_guessed_where_receptors_died_or_nothing_changed(before, kno
     assert guessed(expectation, before, known, some) is None
 
 
+def test_no_joint_is_guessed_where_touches_feel_like_none_before(before, known, expectation):
+    q, felt = ArmOnBall().touches(120, seed=4)
+    q[:, 1] -= 0.3
+    assert guessed(expectation, before, known, TouchSet(q, felt)) is not None
+    felt[:, ::4] = np.roll(felt[:, ::4], 1, axis=1)
+    assert guessed(expectation, before, known, TouchSet(q, felt)) is None
+
+
 def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, known, expectation):
     arm = ArmOnBall()
     arm.point = arm.point + np.array([0.2, -0.1, 0.1])
