@@ -76,10 +76,6 @@ class Sensed:
         squares = 2 * np.maximum(1 - one @ two.T, 0)
         return linear + _ROUND * np.exp(-squares / 2)
 
-    def unlike(self, other: "Sensed") -> np.ndarray:
-        """`(m,)` how far other sensations are from the nearest of these; 0 to 1."""
-        return 1 - (np.sqrt(other.share) @ np.sqrt(self.share).T).max(axis=1)
-
     def precision(self, noisier: float = 1.0) -> np.ndarray:
         """`(n, n)` precision of places with their mean taken out, with so many times more noise."""
         noisy = self.covariance(self) + np.diag(noisier * self.noise)

@@ -283,11 +283,14 @@ def _by_chain(
 
 def _feels_otherwise(known: LivedChain, usual: TouchSet, since: TouchSet) -> bool:
     """Whether sensations are unlike those before: a chain that moves leaves them as they are."""
-    felt = known.chain.sensed
-    before, now = (
-        felt.unlike(felt.like(csr_array(some.sensation.astype(float)))) for some in (usual, since)
-    )
-    return float(np.mean(now > np.quantile(before, 1 - _UNLIKE))) > _MANY_UNLIKE
+    sensed = known.chain.sensed
+
+    def nearness(touches: TouchSet) -> np.ndarray:
+        felt = sensed.like(csr_array(touches.sensation.astype(float)))
+        return (np.sqrt(felt.share) @ np.sqrt(sensed.share).T).max(axis=1)
+
+    least = np.quantile(nearness(usual), _UNLIKE)
+    return float(np.mean(nearness(since) < least)) > _MANY_UNLIKE
 
 
 def _left_by(change: ChainChange, earlier: Earlier, touches: TouchSet) -> float:
