@@ -141,6 +141,22 @@ def test_a_life_explains_a_change_by_its_chain_as_soon_as_it_is_noticed(monkeypa
 
 
 @pytest.mark.slow
+def test_more_touches_make_the_numbers_of_a_change_exact(monkeypatch):
+    monkeypatch.setattr(module, "_FIRST", 1500)
+    q, felt = ArmOnBall().touches(2400, seed=1)
+    q[2000:, 1] -= 0.4
+    life = Life(lambda: OnlineLearner(40), num_steps=300)
+    life.take(q[:2100], felt[:2100])
+    (first,) = life.noticed
+    life.take(q[2100:], felt[2100:])
+    (later,) = life.noticed
+    assert (later.explained_at, later.withdrawn) == (first.explained_at, ())
+    few, more = (noticed.change.chain.parts[0] for noticed in (first, later))
+    assert more.sigma < 0.7 * few.sigma
+    assert more.amount == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.slow
 def test_a_false_explanation_is_withdrawn_when_touches_go_on_to_disagree(monkeypatch):
     first = []
 
