@@ -53,8 +53,9 @@ _EARLY = 4
 _LEFT = 1.5
 
 #: A sensation is unlike all before if fewer than this share of usual ones are so far from those of
-#: the chain. If joints, links or skin moved, so were up to 0.1 of 100 touches of a cube and a torus;
-#: 0.27 to 0.36 if a tenth of the receptors died or changed places.
+#: the chain. If joints, links or skin moved, so were up to 0.1 of 100 touches of a cube and of a
+#: torus; 0.27 to 0.36 if a tenth of the receptors died or changed places. Receptors that are silent
+#: or exchanged look like a change of the chain to any fit that takes what they feel for places.
 _UNLIKE, _MANY_UNLIKE = 0.05, 0.2
 
 #: Offsets of a joint are tried within so many standard deviations to either side.
