@@ -11,13 +11,13 @@ from typing import Self
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
-from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain_change import ChainChange, explained, foretold
 from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
+    ChainExpectation,
     Expectation,
     LearnedExpectation,
     TouchSet,
@@ -52,11 +52,11 @@ _EARLY = 4
 #: squares. Right ones left 0.8 to 1.1 after 50 touches of a cube.
 _LEFT = 1.5
 
-#: A sensation is unlike all before if fewer than this share of usual ones are so far from those of
-#: the chain. If joints, links or skin moved, so were up to 0.1 of 100 touches of a cube and of a
-#: torus; 0.27 to 0.36 if a tenth of the receptors died or changed places. Receptors that are silent
-#: or exchanged look like a change of the chain to any fit that takes what they feel for places.
-_UNLIKE, _MANY_UNLIKE = 0.05, 0.2
+#: A sensation is unlike all before if fewer than this share of usual ones are so far from those
+#: known: with a tenth of the receptors dead or exchanged half to nine tenths of some hundred
+#: touches of a torus were, while its finger slid; up to 0.17 if a link of a cube grew, or nothing
+#: changed.
+_UNLIKE, _MANY_UNLIKE = 0.05, 0.3
 
 #: Offsets of a joint are tried within so many standard deviations to either side.
 _REACH = 1.0
@@ -169,7 +169,7 @@ def guess_change(earlier: Earlier, since: TouchSet, *, newest: int = 0) -> BodyC
         newest: so many of the last are to be explained as well as all.
     """
     assert earlier.known is not None
-    if _feels_otherwise(earlier.known, earlier.usual, since[len(since) // _EARLY :]):
+    if _feels_otherwise(earlier, since[len(since) // _EARLY :]):
         return None
     unchanged = _unchanged(earlier.expectation, earlier.before, since)
     # A receptor that was not felt since may be silent: nothing of the chain is to explain that.
@@ -282,16 +282,13 @@ def _by_chain(
     return replace(change, chain=found, reach=np.stack([q.min(axis=0), q.max(axis=0)]))
 
 
-def _feels_otherwise(known: LivedChain, usual: TouchSet, since: TouchSet) -> bool:
+def _feels_otherwise(earlier: Earlier, since: TouchSet) -> bool:
     """Whether sensations are unlike those before: a chain that moves leaves them as they are."""
-    sensed = known.chain.sensed
-
-    def nearness(touches: TouchSet) -> np.ndarray:
-        felt = sensed.like(csr_array(touches.sensation.astype(float)))
-        return (np.sqrt(felt.share) @ np.sqrt(sensed.share).T).max(axis=1)
-
-    least = np.quantile(nearness(usual), _UNLIKE)
-    return float(np.mean(nearness(since) < least)) > _MANY_UNLIKE
+    expectation = earlier.expectation
+    if not isinstance(expectation, ChainExpectation):
+        return False
+    usual, now = (expectation.unlike(some.sensation) for some in (earlier.usual, since))
+    return float(np.mean(now > np.quantile(usual, 1 - _UNLIKE))) > _MANY_UNLIKE
 
 
 def _left_by(change: ChainChange, earlier: Earlier, touches: TouchSet) -> float:
