@@ -279,9 +279,10 @@ class Life:
             self._explain(*self._raised, change, earlier)
 
     def _tells_again(self, newest: int = 0) -> bool:
-        """Whether all touches since the last change give its numbers anew.
+        """Whether all touches since the last change explain it anew.
 
-        If so many of the newest disagree with it, something else may explain all: it is withdrawn.
+        If they name something else, what was believed is withdrawn. If so many of the newest raised
+        an alarm, these must be explained as well as all.
         """
         if self._guessed is None:
             return False
@@ -290,8 +291,6 @@ class Life:
         if change is None:
             return False
         same = _moved(change) == _moved(was.change)
-        if not same and not newest:
-            return False
         self.noticed.pop()
         self._strange, self._before = guess.strange, guess.earlier.before
         self.hand = copy.deepcopy(guess.hand)
