@@ -175,6 +175,12 @@ class ChainExpectation(Expectation):
     def _as_learned_at(self, q: np.ndarray) -> np.ndarray:
         return self._felt[self._nearest(q)[1]].mean(axis=1)
 
+    def unlike(self, sensation: np.ndarray) -> np.ndarray:
+        """`(n,)` how far sensations `(n, S)` are from the nearest one known, in any posture."""
+        # Of roots, in which a faint receptor counts.
+        known, felt = (unit(np.sqrt(one)) for one in (self._felt[:, :-1], sensation))
+        return np.array([1.0 - (known @ one).max() for one in felt])
+
     def _nearest(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         place = self._chain.places(q.astype(float)) / self._chain.radius
         return self._familiar.query(place, min(_NEAREST, self._familiar.n))

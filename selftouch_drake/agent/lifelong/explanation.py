@@ -17,6 +17,7 @@ from selftouch_drake.agent.body_model.known_chain import KnownChain
 from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
+    ChainExpectation,
     Expectation,
     LearnedExpectation,
     TouchSet,
@@ -50,6 +51,12 @@ _EARLY = 4
 #: A chain alone explains a change if it leaves touches off by this multiple of what is usual, in
 #: squares. Right ones left 0.8 to 1.1 after 50 touches of a cube.
 _LEFT = 1.5
+
+#: A sensation is unlike all before if fewer than this share of usual ones are so far from those
+#: known: with a tenth of the receptors dead or exchanged half to nine tenths of some hundred
+#: touches of a torus were, while its finger slid; up to 0.17 if a link of a cube grew, or nothing
+#: changed.
+_UNLIKE, _MANY_UNLIKE = 0.05, 0.3
 
 #: Offsets of a joint are tried within so many standard deviations to either side.
 _REACH = 1.0
@@ -162,6 +169,8 @@ def guess_change(earlier: Earlier, since: TouchSet, *, newest: int = 0) -> BodyC
         newest: so many of the last are to be explained as well as all.
     """
     assert earlier.known is not None
+    if _feels_otherwise(earlier, since[len(since) // _EARLY :]):
+        return None
     unchanged = _unchanged(earlier.expectation, earlier.before, since)
     # A receptor that was not felt since may be silent: nothing of the chain is to explain that.
     heard = replace(unchanged, silent=~np.any(since.sensation, axis=0))
@@ -271,6 +280,15 @@ def _by_chain(
     )
     q = np.concatenate([change.reach, touches.q])
     return replace(change, chain=found, reach=np.stack([q.min(axis=0), q.max(axis=0)]))
+
+
+def _feels_otherwise(earlier: Earlier, since: TouchSet) -> bool:
+    """Whether sensations are unlike those before: a chain that moves leaves them as they are."""
+    expectation = earlier.expectation
+    if not isinstance(expectation, ChainExpectation):
+        return False
+    usual, now = (expectation.unlike(some.sensation) for some in (earlier.usual, since))
+    return float(np.mean(now > np.quantile(usual, 1 - _UNLIKE))) > _MANY_UNLIKE
 
 
 def _left_by(change: ChainChange, earlier: Earlier, touches: TouchSet) -> float:

@@ -197,11 +197,15 @@ class Life:
                 self._explain(*self._raised, *self._explanation())
             elif self._to_guess and len(self._strange) >= self._to_guess[0]:
                 self._to_guess = self._to_guess[1:]
-                if not self._withdraws():
+                if not self._tells_again(newest=len(self._strange)):
                     self._guess()
             return
-        if self._guessed is not None and len(self._guessed.strange) >= _TO_EXPLAIN:
-            self._guessed = None  # touches went on to agree
+        if self._guessed is not None:
+            num = len(self._guessed.strange)
+            if any(num - len(block) < due <= num for due in (*_TO_GUESS, _TO_EXPLAIN)):
+                self._tells_again()
+            if num >= _TO_EXPLAIN:
+                self._guessed = None  # touches went on to agree
         if self._to_refine:
             self._strange = self._strange.and_then(block)
             if len(self._strange) >= self._to_refine[0]:
@@ -274,18 +278,26 @@ class Life:
             )
             self._explain(*self._raised, change, earlier)
 
-    def _withdraws(self) -> bool:
-        """Whether the last explanation was wrong, and another one explains all touches since."""
+    def _tells_again(self, newest: int = 0) -> bool:
+        """Whether all touches since the last change explain it anew.
+
+        If they name something else, what was believed is withdrawn. If so many of the newest raised
+        an alarm, these must be explained as well as all.
+        """
         if self._guessed is None:
             return False
-        guess = self._guessed
-        change = guess_change(guess.earlier, guess.strange, newest=len(self._strange))
+        guess, was = self._guessed, self.noticed[-1]
+        change = guess_change(guess.earlier, guess.strange, newest=newest)
         if change is None:
             return False
-        was = self.noticed.pop()
+        same = _moved(change) == _moved(was.change)
+        self.noticed.pop()
         self._strange, self._before = guess.strange, guess.earlier.before
         self.hand = copy.deepcopy(guess.hand)
-        self._explain(was.row, was.since, change, guess.earlier, (*was.withdrawn, was.change))
+        withdrawn = was.withdrawn if same else (*was.withdrawn, was.change)
+        self._explain(was.row, was.since, change, guess.earlier, withdrawn)
+        if same:
+            self.noticed[-1] = replace(self.noticed[-1], explained_at=was.explained_at)
         return True
 
     def _look_back(self) -> Earlier:
@@ -403,3 +415,9 @@ class Life:
             ReceptorTest(with_unit_norm(expected), felt, novelty, self._never_felt, num_touches),
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))
+
+
+def _moved(change: BodyChange) -> set[tuple[Change, int]]:
+    """What moved of the chain, and at which joint."""
+    parts = () if change.chain is None else change.chain.parts
+    return {(part.kind, part.joint) for part in parts}

@@ -93,6 +93,15 @@ def test_no_joint_is_guessed_where_receptors_died_or_nothing_changed(before, kno
     assert guessed(expectation, before, known, some) is None
 
 
+def test_no_joint_is_guessed_where_touches_feel_like_none_before(before, known):
+    expectation = ChainExpectation(known.chain, before[:2000])
+    q, felt = ArmOnBall().touches(120, seed=4)
+    q[:, 1] -= 0.3
+    assert guessed(expectation, before, known, TouchSet(q, felt)) is not None
+    felt[:, ::4] = np.roll(felt[:, ::4], 1, axis=1)
+    assert guessed(expectation, before, known, TouchSet(q, felt)) is None
+
+
 def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, known, expectation):
     arm = ArmOnBall()
     arm.point = arm.point + np.array([0.2, -0.1, 0.1])
@@ -130,6 +139,22 @@ def test_a_life_explains_a_change_by_its_chain_as_soon_as_it_is_noticed(monkeypa
     assert noticed.change.chain is not None
     assert [(part.kind, part.joint) for part in noticed.change.chain.parts] == [(Change.ZERO, 1)]
     assert not life.has_doubts
+
+
+@pytest.mark.slow
+def test_more_touches_make_the_numbers_of_a_change_exact(monkeypatch):
+    monkeypatch.setattr(module, "_FIRST", 1500)
+    q, felt = ArmOnBall().touches(2400, seed=1)
+    q[2000:, 1] -= 0.4
+    life = Life(lambda: OnlineLearner(40), num_steps=300)
+    life.take(q[:2100], felt[:2100])
+    (first,) = life.noticed
+    life.take(q[2100:], felt[2100:])
+    (later,) = life.noticed
+    assert (later.explained_at, later.withdrawn) == (first.explained_at, ())
+    few, more = (noticed.change.chain.parts[0] for noticed in (first, later))
+    assert more.sigma < 0.7 * few.sigma
+    assert more.amount == pytest.approx(0.4, abs=0.02)
 
 
 @pytest.mark.slow
