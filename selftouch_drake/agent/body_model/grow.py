@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,7 @@ from selftouch_drake.agent.body_model.forest import (
     joined,
     with_late_touchers,
 )
+from selftouch_drake.agent.body_model.known_places import Shown
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, Solution
 from selftouch_drake.agent.body_model.structure import (
@@ -48,8 +49,11 @@ _SEARCHED, _BUNDLED = 20_000, 15_000
 # densities need many of each. With 40 touches of each kernel a fifth of the surest of five arms is
 # wrong, with 200 one in fifty.
 _TOLD_APART, _CORES_COMPARED = 60_000, 20_000
-# Parts with fewer touches are only hung.
-_FEWEST = 600
+# Parts with fewer touches are only hung, and limbs with fewer have no chain.
+_FEWEST, _FEWEST_OF_LIMB = 600, 300
+# A touch that a known hand did not make is of a limb above this probability. Of the iCub's head,
+# none to one of 21,000 such touches was of the known hand.
+_LIKELY = 0.5
 # Share of explained touches above which a chain is a seed, and a part joins the tree.
 _SEED, _JOINS = 0.75, 0.7
 # A chain that explains less by one point of its hand may explain more by several; if it is right it
@@ -106,6 +110,21 @@ def full(
     """A body with all parts that can be added to it; arguments are those of `grown`."""
     grower = _Grower(search, scene, tested, moving)
     return grower.full(grower.bundled(body))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Limb:
+    """What is known of a limb before its chain.
+
+    Attributes:
+        group: touches that it surely made.
+        surely: joints that hold each other among these.
+        joints: that may matter; some act only together with others, which no pair shows.
+    """
+
+    group: Group
+    surely: list[int]
+    joints: list[int]
 
 
 class _Grower:
@@ -250,7 +269,11 @@ class _Grower:
         return self.bundled(Mechanism(links, chain.twists[0], chain.points[0], pairs))
 
     def of_several_hands(self, part: int) -> Mechanism | None:
-        """A body of several chains that meet at a part, told apart by densities of their joints."""
+        """A body of several chains that meet at a part, told apart by densities of their joints.
+
+        Limbs are searched in turns until one has a chain. It shows where the part's kernels lie,
+        and with that the chains of the others are found much sooner.
+        """
         cores = limbs(*self.statistic[part])
         if len(cores) < 2:
             return None
@@ -259,6 +282,36 @@ class _Grower:
             return None
         group = self._dense(part, _TOLD_APART)
         share = who_touched(self.search.q, group, cores)
+        waiting = dict(enumerate(self._limbs(group, share, cores)))
+        searches = {
+            number: self._searched(limb, part)
+            for number, limb in waiting.items()
+            if len(limb.group.rows) >= _FEWEST_OF_LIMB and limb.group.num_kernels >= 8
+        }
+        chains = list[tuple[Bodies, np.ndarray]]()
+        for number in itertools.chain(*itertools.repeat(searches, _SEARCHES)):
+            chain = next(searches[number], None)
+            if chain is not None:
+                chains.append((chain, waiting.pop(number).group.rows))
+                break
+        if not chains:
+            return None
+        known = Shown.of(self.scene, *chains[0], part)
+        for number, limb in waiting.items():
+            likely = group.rows[share[:, number] > _LIKELY]
+            rows = likely[known.by_others(self.scene, likely)]
+            chain = self._taught(limb, known, rows) if len(rows) >= _FEWEST_OF_LIMB else None
+            if chain is None and number in searches:
+                rows = limb.group.rows
+                chain = next((found for found in searches[number] if found is not None), None)
+            if chain is not None:
+                chains.append((chain, rows))
+        body = self.bundled(joined(self.scene, part, chains))
+        some = dense_rows(self.scene.target, self.rows[part], self.search.random)
+        return body if self._explained(body, part, some) > _SEED else None
+
+    def _limbs(self, group: Group, share: np.ndarray, cores: list[list[int]]) -> list[_Limb]:
+        """The touches that each limb surely made, and the joints that may matter to it."""
         groups, held = list[Group](), list[set[int]]()
         for limb, core in enumerate(cores):
             sure = group.rows[self._sure(share, limb)]
@@ -269,22 +322,13 @@ class _Grower:
                 # Where one hand alone touched, joints of the others hold nothing.
                 found = joints_that_hold(*pair_statistic(self.search.q, own, least=20))
                 held[-1].update(found)
-        chains = []
+        found_limbs = []
         for limb, own in enumerate(groups):
-            if len(own.rows) < 300 or own.num_kernels < 8:
-                continue
             others = set[int]().union(*(held[:limb] + held[limb + 1 :]))
             surely = [j for j in self.moving if j in held[limb]]
-            mine = [j for j in self.moving if j in held[limb] or j not in others]
-            chain = self._of_limb(own, surely, mine, part)
-            if chain is not None:
-                chains.append((chain, own.rows))
-        if not chains:
-            return None
-        chains.sort(key=lambda one: float(one[0].loss.sum()))
-        body = self.bundled(joined(self.scene, part, chains))
-        some = dense_rows(self.scene.target, self.rows[part], self.search.random)
-        return body if self._explained(body, part, some) > _SEED else None
+            joints = [j for j in self.moving if j in held[limb] or j not in others]
+            found_limbs.append(_Limb(own, surely if len(surely) >= 3 else joints, joints))
+        return found_limbs
 
     @staticmethod
     def _sure(share: np.ndarray, limb: int) -> np.ndarray:
@@ -299,37 +343,53 @@ class _Grower:
         scene = replace(self.scene.some(rows), ways=ways)
         return explained(scene, started(scene, body.twists, body.points), part)
 
-    def _of_limb(
-        self, own: Group, surely: list[int], joints: list[int], part: int
-    ) -> Bodies | None:
-        """The chain of one hand; where its hand is no point, the best of those that are good.
+    def _searched(self, limb: _Limb, part: int) -> Iterator[Bodies | None]:
+        """The chain of one hand, after each search for it; where its hand is no point, the best.
 
         A hand is a point unless no chain of all joints says so: by several, a chain without one of
         them may explain as much. By one point many a population misses the chain of a hand that is
         none, and a chain with two joints at wrong places explains nearly as much as the right one.
-
-        Args:
-            own: its touches.
-            surely: joints that hold each other among them.
-            joints: that may matter; some act only together with others, which no pair shows.
-            part: that is touched.
         """
         best, most, hope = None, 0.0, 0.0
-        fewer = surely if len(surely) >= 3 else joints
-        for tried in [joints, *[fewer] * (_SEARCHES - 1)]:
-            for chain in found_chains(self.search, own, tried):
-                proved, share = self._proved(chain, own.rows, part)
+        for tried in [limb.joints, *[limb.surely] * (_SEARCHES - 1)]:
+            for chain in found_chains(self.search, limb.group, tried):
+                proved, share = self._proved(chain, limb.group.rows, part)
                 if proved is chain:
-                    return chain
+                    yield chain
+                    return
                 hope = max(hope, share)
                 if proved is None:
                     continue
-                ordered, share = self._well_ordered(proved, own.rows, part)
+                ordered, share = self._well_ordered(proved, limb.group.rows, part)
                 if share > most:
                     best, most = ordered, share
-                if most > _WELL and tried is not joints:
-                    return best
+                if most > _WELL and tried is not limb.joints:
+                    yield best
+                    return
             if most > _WELL or hope < _HOPE_OF_SEVERAL:
+                break
+            yield None
+        yield best
+
+    def _taught(self, limb: _Limb, known: Shown, rows: np.ndarray) -> Bodies | None:
+        """The chain of one hand to places that another one has shown.
+
+        Args:
+            limb: whose hand it is.
+            known: the places.
+            rows: touches of the limb.
+        """
+        best, most = None, 0.0
+        for chain in known.chains_to(self.search, self.scene, rows, limb.surely):
+            proved, _ = self._proved(chain, rows, known.part)
+            if proved is chain:
+                return chain
+            if proved is None:
+                continue
+            ordered, share = self._well_ordered(proved, rows, known.part)
+            if share > most:
+                best, most = ordered, share
+            if most > _WELL:
                 break
         return best
 
