@@ -35,10 +35,10 @@ FEWEST, MOST = 40, 2000
 SLIDES, SLIDE_COST = 0.2, 0.05
 #: Below this turn, in radians, turning and sliding look alike.
 OPEN = 0.6
-# Touches that a search and a finish look at; and how much more noise a search takes for granted,
-# as more of it makes false optima fewer.
+# Touches that a search and a finish look at.
 _SEARCHED, _FINISHED = 256, 1000
-_SEARCHED_NOISE = 3.0
+#: How much more noise a search takes for granted: more of it makes false optima fewer.
+SEARCHED_NOISE = 3.0
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
 # steps at most.
 _FOLDS, _REFITTED = 5, 30
@@ -100,7 +100,7 @@ def found_by_sensation(
     sensed, q = all_sensed.some(used), q[used]
     precision = sensed.precision()
     some = np.sort(search.random.permutation(len(used))[:_SEARCHED])
-    group = Smooth(used[some], sensed.some(some).precision(_SEARCHED_NOISE))
+    group = Smooth(used[some], sensed.some(some).precision(SEARCHED_NOISE))
     labels = neighbourhoods(sensed, search.random)
     best: tuple[list[int], SmoothChain, np.ndarray | None, Judgement] | None = None
     for body in structure.found_chains(search, group, joints):

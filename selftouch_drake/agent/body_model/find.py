@@ -137,7 +137,9 @@ def find_body_model(
     tick = _Ticks(progress)
     unit = touches.scale.copy()
     unit[len(unit) - along :] = np.nan
-    search = Search(touches.single(), np.random.default_rng(seed), each, tick, unit)
+    felt = None if sensation is None else csr_array(sensation)[touches.rows]
+    random = np.random.default_rng(seed)
+    search = Search(touches.single(), random, each, tick, unit, felt)
     if sensation is not None and number <= few.MOST:
         when = touches.when(sequence)
         moved = moved_together(touches.q[when])

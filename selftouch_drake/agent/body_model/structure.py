@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.fit import (
     Bodies,
@@ -62,6 +63,7 @@ class Search:
         each: maps blocks of bodies.
         tick: called before each descent.
         scale: `(J,)` standard deviations of the readings; None if they are not known.
+        sensation: `(R, S)` what was felt; None if it is not known.
     """
 
     q: np.ndarray
@@ -69,6 +71,7 @@ class Search:
     each: Each = map
     tick: Callable[[], None] = lambda: None
     scale: np.ndarray | None = None
+    sensation: csr_array | None = None
 
     @property
     def num_joints(self) -> int:
