@@ -275,8 +275,8 @@ class _Grower:
     def of_several_hands(self, part: int) -> Mechanism | None:
         """A body of several chains that meet at a part, told apart by densities of their joints.
 
-        Limbs are searched in turns until one has a chain. It shows where the part's kernels lie,
-        and with that the chains of the others are found much sooner.
+        A hand that is a point is found at once. Of others one is searched until it has a chain;
+        that shows where the part's kernels lie, and with them the next hand is found much sooner.
         """
         cores = limbs(*self.statistic[part])
         if len(cores) < 2:
@@ -286,31 +286,28 @@ class _Grower:
             return None
         group = self._dense(part, _TOLD_APART)
         share = who_touched(self.search.q, group, cores)
-        waiting = dict(enumerate(self._limbs(group, share, cores)))
-        searches = {
-            number: self._searched(limb, part)
-            for number, limb in waiting.items()
+        each = [
+            (limb, self._searched(limb, part), group.rows[share[:, number] > _LIKELY])
+            for number, limb in enumerate(self._limbs(group, share, cores))
             if len(limb.group.rows) >= _FEWEST_OF_LIMB and limb.group.num_kernels >= 8
-        }
-        chains = list[tuple[Bodies, np.ndarray]]()
-        for number in itertools.chain(*itertools.repeat(searches, _SEARCHES)):
-            chain = next(searches[number], None)
-            if chain is not None:
-                chains.append((chain, waiting.pop(number).group.rows))
-                break
+        ]
+        chains = dict[int, tuple[Bodies, np.ndarray]]()
+        for turn in range(_SEARCHES):
+            for number, (limb, searched, likely) in enumerate(each):
+                if number in chains:
+                    continue
+                found = None
+                if turn and chains:
+                    known = Shown.of(self.scene, *next(iter(chains.values())), part)
+                    found = self._taught(limb, known, likely)
+                if found is None:
+                    chain = next(searched, None)
+                    found = None if chain is None else (chain, limb.group.rows)
+                if found is not None:
+                    chains[number] = found
         if not chains:
             return None
-        known = Shown.of(self.scene, *chains[0], part)
-        for number, limb in waiting.items():
-            likely = group.rows[share[:, number] > _LIKELY]
-            rows = likely[known.by_others(self.scene, likely)]
-            chain = self._taught(limb, known, rows) if len(rows) >= _FEWEST_OF_LIMB else None
-            if chain is None and number in searches:
-                rows = limb.group.rows
-                chain = next((found for found in searches[number] if found is not None), None)
-            if chain is not None:
-                chains.append((chain, rows))
-        body = self.bundled(joined(self.scene, part, chains))
+        body = self.bundled(joined(self.scene, part, list(chains.values())))
         some = dense_rows(self.scene.target, self.rows[part], self.search.random)
         return body if self._explained(body, part, some) > _SEED else None
 
@@ -355,8 +352,9 @@ class _Grower:
         none, and a chain with two joints at wrong places explains nearly as much as the right one.
         """
         best, most, hope = None, 0.0, 0.0
-        for tried in [limb.joints, *[limb.surely] * (_SEARCHES - 1)]:
-            for chain in found_chains(self.search, self._as_felt(limb.group), tried):
+        felt = self._as_felt(limb.group)
+        for group, tried in [(limb.group, limb.joints), *[(felt, limb.surely)] * (_SEARCHES - 1)]:
+            for chain in found_chains(self.search, group, tried):
                 proved, share = self._proved(chain, limb.group.rows, part)
                 if proved is chain:
                     yield chain
@@ -376,7 +374,7 @@ class _Grower:
         yield best
 
     def _as_felt(self, group: Group) -> Group | Smooth:
-        """Some touches of a group by what was felt, if that is known: it has fewer false optima.
+        """Some touches of a group by what was felt, if that is known: slower, fewer false optima.
 
         Of the iCub's head, with the order of ten joints given, one start in twelve found the body
         by kernels, and twelve in 24 by 800 sensations.
@@ -386,27 +384,31 @@ class _Grower:
         some = np.sort(self.search.random.permutation(group.rows)[:_FELT])
         return Smooth(some, Sensed.of(self.search.sensation[some]).precision(SEARCHED_NOISE))
 
-    def _taught(self, limb: _Limb, known: Shown, rows: np.ndarray) -> Bodies | None:
-        """The chain of one hand to places that another one has shown.
+    def _taught(
+        self, limb: _Limb, known: Shown, rows: np.ndarray
+    ) -> tuple[Bodies, np.ndarray] | None:
+        """The chain of one hand to places that another one has shown, and its touches of these.
 
         Args:
             limb: whose hand it is.
             known: the places.
-            rows: touches of the limb.
+            rows: touches that are likely of the limb.
         """
+        rows = rows[known.by_others(self.scene, rows)]
         best, most = None, 0.0
-        for chain in known.chains_to(self.search, self.scene, rows, limb.surely):
-            proved, _ = self._proved(chain, rows, known.part)
-            if proved is chain:
-                return chain
-            if proved is None:
-                continue
-            ordered, share = self._well_ordered(proved, rows, known.part)
-            if share > most:
-                best, most = ordered, share
-            if most > _WELL:
-                break
-        return best
+        if len(rows) >= _FEWEST_OF_LIMB:
+            for chain in known.chains_to(self.search, self.scene, rows, limb.surely):
+                proved, _ = self._proved(chain, rows, known.part)
+                if proved is chain:
+                    return chain, rows
+                if proved is None:
+                    continue
+                ordered, share = self._well_ordered(proved, rows, known.part)
+                if share > most:
+                    best, most = ordered, share
+                if most > _WELL:
+                    break
+        return None if best is None else (best, rows)
 
     def _well_ordered(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies, float]:
         """The chain of a hand of several points in the best order, and what it explains."""
