@@ -16,6 +16,7 @@ Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 #: Degrees of freedom of the Student distribution of a descent: fewer see a body through more wrong
 #: labels, more tell bodies apart better. Measured on a cube with 10 and 30 % wrong labels.
 TAIL = 3.0
+_NONE_FIXED = np.zeros(0, dtype=np.int64)
 # Members that one call works on: the same bytes whatever the number of threads.
 _BLOCK = 8
 
@@ -85,6 +86,7 @@ class Smooth:
             np.int64(1),
             np.ones(1),
             np.ascontiguousarray(self.precision),
+            _NONE_FIXED,
         )
 
 
@@ -206,7 +208,7 @@ def draw(
         flat = chosen.reshape(how.steps, -1)
         rows[:, index, : flat.shape[1]] = flat
     weights = np.ones(len(groups)) if weight is None else np.array(weight, dtype=float)
-    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros((0, 0)))
+    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros((0, 0)), _NONE_FIXED)
 
 
 def descended(
@@ -218,6 +220,7 @@ def descended(
     *,
     touchers: Sequence[int] | None = None,
     weight: np.ndarray | None = None,
+    fixed: Sequence[int] = (),
     each: Each = map,
 ) -> Bodies:
     """Bodies after a descent, with the criterion that each reached.
@@ -230,6 +233,7 @@ def descended(
         seed: of the draws.
         touchers: `(G,)` toucher of each group; the first by default.
         weight: `(G,)` of each group; 1 by default.
+        fixed: joints whose twists stay as they are; with any, points do too.
         each: maps blocks of bodies; the result does not depend on it.
     """
     kernels = [group for group in groups if isinstance(group, Group)]
@@ -238,6 +242,7 @@ def descended(
         draws = smooth[0].draw(q, how)
     else:
         draws = draw(q, kernels, how, np.random.default_rng(seed), weight)
+    draws = draws._replace(fixed=np.array(fixed, dtype=np.int64))
     toucher = np.zeros(len(groups)) if touchers is None else np.array(touchers)
     toucher = toucher.astype(np.int64)
 

@@ -28,7 +28,7 @@ from selftouch_drake.agent.body_model.forest import (
     joined,
     with_late_touchers,
 )
-from selftouch_drake.agent.body_model.known_places import Shown
+from selftouch_drake.agent.body_model.known_places import Shown, behind_new_joints
 from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, Solution
 from selftouch_drake.agent.body_model.smoothness import Sensed
@@ -79,9 +79,8 @@ _PROBED = 6
 _MOST_HANG, _LOOKED_AGAIN = 0.5, 2
 # New joints that are tried in all orders, at most.
 _MOST_NEW = 3
-# Times that twists of new joints are drawn for all links that may carry a part: on the infant's
-# head five draws of six hold the right one.
-_TRIES = 3
+# Bodies with a part behind new joints that are looked at.
+_BEST = 3
 
 
 def grown(
@@ -404,9 +403,10 @@ class _Grower:
                 if proved is None:
                     continue
                 ordered, share = self._well_ordered(proved, rows, known.part)
+                agreed = best is not None and ordered.ways == best.ways
                 if share > most:
                     best, most = ordered, share
-                if most > _WELL:
+                if agreed or most > _WELL:
                     break
         return None if best is None else (best, rows)
 
@@ -477,7 +477,7 @@ class _Grower:
         return None
 
     def _attachments(self, body: Mechanism, part: int) -> Iterator[Mechanism]:
-        """Bodies with the part and its new joints, the best three of each trial.
+        """Bodies with the part and its new joints, the best first.
 
         Whoever asks stops when one is good.
         """
@@ -486,14 +486,9 @@ class _Grower:
         if part not in self.chains and 0 < len(new) <= _MOST_NEW:
             # Between the tree and the skin. All touches of one hand, if densities tell them.
             hand, group = self._most_of_one_hand(body, part)
-            for _ in range(_TRIES):
-                tried = attached(
-                    self.search, self.scene, group, _only(body, hand), part,
-                    inner=new, outer=[], shared=None,
-                )[:3]  # fmt: skip
-                for one in tried:
-                    whole = replace(one, links=_all_touchers(one.links, body.links))
-                    yield self._with_all_hands(whole, part)
+            found = behind_new_joints(self.search, self.scene, group, body, part, hand, new)
+            for bigger in itertools.islice(found, _BEST):
+                yield self._with_all_hands(bigger, part)
         chain = self.chain(part, 1)
         if chain is None:
             return
@@ -571,14 +566,3 @@ def _one_body(own: Scene, solution: Solution, part: int) -> Bodies:
     """The chain of touches of a part by one hand, as a search has it."""
     loss = solution.criterion[[part]][None]
     return Bodies([[own.ways[part, 0]]], solution.twists[None], solution.points[None], loss)
-
-
-def _only(body: Mechanism, hand: list[int]) -> Mechanism:
-    """The body with the touchers of one hand alone."""
-    links = replace(body.links, toucher={u: body.links.toucher[u] for u in hand})
-    return replace(body, links=links)
-
-
-def _all_touchers(links: Links, former: Links) -> Links:
-    """The links with the touchers of former ones."""
-    return replace(links, toucher=former.toucher)

@@ -1,4 +1,4 @@
-"""A chain to places that are known: what one hand has shown of a skin teaches the next hand.
+"""What is known tells the rest: where a skin lies the next hand, where a hand is the next skin.
 
 Once the chain of one hand is found, it tells where the kernels of a part lie. Where another hand
 touched them, only its own joints are unknown: all that carries the part, up to the link where the
@@ -6,16 +6,28 @@ two limbs part, is undone. In whatever frame and scale, its places must then be 
 of the known ones, which is the criterion of few touches with another precision. It has hardly any
 false optima: of a chain of seven joints all starts found the one body, where kernels without places
 led one start in twelve to it.
+
+Likewise a hand of the tree tells where it is when it touches a part behind new joints. Three slides
+that read its place stand for all the joints between.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from selftouch_drake.agent.body_model.chain import adjoint
-from selftouch_drake.agent.body_model.fit import Bodies, Smooth, Way
-from selftouch_drake.agent.body_model.forest import alone, robust_similarity
+from selftouch_drake.agent.body_model.fit import (
+    Bodies,
+    Descent,
+    Group,
+    Smooth,
+    Way,
+    chain_way,
+    random_bodies,
+)
+from selftouch_drake.agent.body_model.forest import Mechanism, alone, robust_similarity
 from selftouch_drake.agent.body_model.scene import (
     Scene,
     all_places,
@@ -29,6 +41,10 @@ from selftouch_drake.agent.body_model.who_touched import started
 _FAR = 2.0
 # Touches that a search looks at: of 1,500 it takes five times as long, and finds the same.
 _LOOKED_AT = 600
+# New joints between a tree and a part: so many draws of each order, how large twists begin, how
+# they descend, and how many go on.
+_DRAWN, _BEGUN, _BEST = 3, 0.6, 6
+_DESCENT = Descent(steps=300, tail=8.0, kernels=30)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +120,84 @@ class Shown:
         twists[0, own] = adjoint(motion, found.twists[0, own])
         there = motion[:3, :3] @ point + motion[:3, 3]
         return Bodies([[(*shared, *way)]], twists, there[None, None], found.loss)
+
+
+def behind_new_joints(
+    search: Search,
+    scene: Scene,
+    group: Group,
+    body: Mechanism,
+    part: int,
+    hand: Sequence[int],
+    joints: Sequence[int],
+) -> Iterator[Mechanism]:
+    """Bodies with a part that a hand of theirs touches, behind new joints, the best first.
+
+    Args:
+        search: what to work on.
+        scene: touches; its ways are not read.
+        group: touches of the part by the hand; others are outliers.
+        body: the tree so far.
+        part: to be added.
+        hand: touchers of one link. Which of them touched is not known: each is tried, and their
+            middle.
+        joints: new ones, between the tree and the part.
+    """
+    links, points = body.links, list(body.points[hand])
+    if len(hand) > 1:
+        points.append(body.points[hand].mean(axis=0))
+    carrier = links.toucher[hand[0]]
+    trials = list[tuple[float, int, np.ndarray, Bodies]]()
+    for link in range(links.number):
+        way = links.way(link, carrier)
+        if not way:
+            continue
+        for point in points:
+            place = way_places(scene, body.twists, point, group.rows, way)
+            found = _behind(search, group, place, joints)
+            trials.append((float(found.loss[0, 0]), link, place, found))
+    for _, link, place, found in sorted(trials, key=lambda trial: trial[0]):
+        yield _with_part(body, part, hand, link, place, found)
+
+
+def _behind(search: Search, group: Group, place: np.ndarray, joints: Sequence[int]) -> Bodies:
+    """The best order of new joints before three slides that read the place of a hand."""
+    number = search.num_joints
+    known = range(number, number + 3)
+    center = place.mean(axis=0)
+    q = np.vstack([search.q[:, group.rows], ((place - center) / place.std()).T]).astype(np.float32)
+    ways = [
+        (*chain_way(order), *chain_way(known)) for order in itertools.permutations(joints)
+    ] * _DRAWN
+    bodies = random_bodies([[way] for way in ways], number + 3, 1, search.random)
+    bodies.twists[:] *= _BEGUN
+    bodies.twists[:, number:] = np.eye(6)[3:]
+    bodies.points[:] = 0.0
+    numbered = replace(group, rows=np.arange(len(group.rows)))
+    there = replace(search, q=np.ascontiguousarray(q))
+    best = there.descended([numbered], bodies, _DESCENT, fixed=known).best(_BEST)
+    longer = replace(_DESCENT, steps=600, rate=0.02)
+    return there.descended([numbered], best, longer, fixed=known).best()
+
+
+def _with_part(
+    body: Mechanism,
+    part: int,
+    hand: Sequence[int],
+    link: int,
+    place: np.ndarray,
+    found: Bodies,
+) -> Mechanism:
+    """The body with a part behind new joints, which were found in a frame of their own."""
+    new = order_of(found.ways[0][0])[:-3]
+    motion = np.eye(4)
+    motion[:3] = np.column_stack([place.std() * np.eye(3), place.mean(axis=0)])
+    twists = body.twists.copy()
+    twists[new] = adjoint(motion, found.twists[0, new])
+    links, skin = body.links.extended(link, new[::-1], forwards=False)
+    links = replace(links, part={**links.part, part: skin})
+    pairs = (*body.pairs, *((part, toucher) for toucher in hand))
+    return Mechanism(links, twists, body.points, pairs)
 
 
 def _but_affine(places: np.ndarray) -> np.ndarray:

@@ -55,6 +55,7 @@ class Draws(NamedTuple):
         weight: `(G,)` of each group in the sum of criteria.
         precision: `(N, N)` of places that are a smooth function of sensations, with the mean taken
             out: it takes the place of kernels, for a single group; `(0, 0)` for kernels.
+        fixed: `(F,)` joints whose twists stay as they are; where there are any, points do too.
     """
 
     q: np.ndarray
@@ -63,6 +64,7 @@ class Draws(NamedTuple):
     members: np.integer
     weight: np.ndarray
     precision: np.ndarray
+    fixed: np.ndarray
 
 
 class _Room(NamedTuple):
@@ -221,6 +223,9 @@ def descend(draws, ways, twists, points, rate, tail):
                 if rate > 0:
                     slopes[:, used:] = 0
                     _carry_back(room, way, slopes, used, twists[b], by_twist, by_point[toucher])
+            if len(draws.fixed) > 0:
+                by_twist[draws.fixed] = 0
+                by_point[:] = 0
             if rate > 0:
                 _adam(twists[b].ravel(), by_twist.ravel(), moments[b], now, step)
                 _adam(points[b].ravel(), by_point.ravel(), point_moments[b], now, step)
