@@ -186,6 +186,7 @@ class _Grower:
                     yield self._of_chain(p)
             return
         trials = itertools.chain(
+            (self._of_chain(p) for p in ripe[:2] if self.blunt_chain(p) is not None),
             (self.of_several_hands(p) for p in ripe[:2]),
             (self._of_chain(p) for p in by_probe if self.chain(p) is not None),
         )
@@ -367,7 +368,7 @@ class _Grower:
                 if most > _WELL and tried is not limb.joints:
                     yield best
                     return
-            if most > _WELL or hope < _HOPE_OF_SEVERAL:
+            if most > _WELL or (group is felt and hope < _HOPE_OF_SEVERAL):
                 break
             yield None
         yield best
