@@ -229,6 +229,15 @@ class _Grower:
             self.given_up.add(part)
         return self.chains.get(part)
 
+    def blunt_chain(self, part: int) -> Bodies | None:
+        """The chain of a part alone, by a hand that is no point, if one explains its touches."""
+        held, joints = self.held[part], self.holding[part]
+        limb = _Limb(self.groups[part], held if len(held) >= 3 else joints, joints)
+        found = next((chain for chain in self._searched(limb, part) if chain is not None), None)
+        if found is not None:
+            self.chains[part] = found
+        return found
+
     def _proved(self, chain: Bodies, rows: np.ndarray, part: int) -> tuple[Bodies | None, float]:
         """The chain if it explains touches of a part, by one point of a hand or by several.
 
