@@ -9,7 +9,7 @@
 
 For each seed a run is made (or taken from --runs), its joints are shuffled, and the body is found.
 Printed are the root mean square error of places of single touches and of means over kernels, in %
-of the skin's extent after one similarity for each part, whether the order of joints is right,
+of the skin's extent after one similarity for each skin, whether the order of joints is right,
 whether the body was accepted, and the seconds of the fit. With --radius also the error of contacts:
 places less the toucher's mean radius along the skin's normal, which touch cannot tell.
 """
@@ -23,9 +23,12 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow.parquet as pq
 
+from selftouch_drake.agent.body_model import few
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.support import beside, blended_normals
+from selftouch_drake.agent.representation.kernel_sensations import kernel_sensations
+from selftouch_drake.experience.store import ExperienceReader
 
 TOUCHES = {
     "turning_body": 20_000, "gantry": 30_000, "two_arms": 60_000, "infant": 60_000,
@@ -98,6 +101,29 @@ def misfit(found: np.ndarray, true: np.ndarray, extent: float) -> float:
     U, s, V = np.linalg.svd(a.T @ b)
     apart = (s.sum() / (a**2).sum()) * a @ (U @ V) - b
     return 100 * float(np.sqrt((apart**2).sum(axis=1).mean())) / extent
+
+
+def off(
+    found: np.ndarray, true: np.ndarray, kernel: np.ndarray, skin: np.ndarray
+) -> tuple[float, float]:
+    """The misfits of touches and of means over kernels, in % of the extent.
+
+    A part may have skins on several links, whose true places have frames of their own: each skin
+    has its similarity, and counts as often as it was touched.
+    """
+    errors, number = [], []
+    for one in np.unique(skin):
+        own = skin == one
+        if own.sum() <= 20:
+            continue
+        extent = float(np.linalg.norm(np.ptp(true[own], axis=0)))
+        middle = [means(values[own], kernel[own]) for values in (found, true)]
+        errors.append((misfit(found[own], true[own], extent), misfit(*middle, extent)))
+        number.append(own.sum())
+    if not errors:
+        return np.nan, np.nan
+    of_touches, of_kernels = np.sqrt(np.average(np.square(errors), axis=0, weights=number))
+    return float(of_touches), float(of_kernels)
 
 
 def contacts(
@@ -177,13 +203,16 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
     target = np.repeat(np.arange(len(part)), np.diff(offsets))
     some = np.sort(np.random.default_rng(seed).permutation(len(q))[:touches])
     q, target, truth = q[some], target[some], the_truth(run, rows[some])
+    # Few touches have a benchmark of their own.
+    stored = ExperienceReader(run / "experience").batches("sensation")
+    felt = kernel_sensations(rows, stored)[some] if len(some) > few.MOST else None
     readings, labels = corrupted(q, target, args.corrupt)
     shuffled = np.random.default_rng(seed + 99).permutation(readings.shape[1])
     readings = readings[:, shuffled]
     began = time.perf_counter()
     with ThreadPoolExecutor(args.threads) as pool:
         model = find_body_model(
-            readings, None, labels, part, joint_names=[f"joint {j}" for j in shuffled],
+            readings, felt, labels, part, joint_names=[f"joint {j}" for j in shuffled],
             seed=seed, each=pool.map,
         )  # fmt: skip
     seconds = time.perf_counter() - began
@@ -196,12 +225,9 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
         own = (part[target] == number) & truth.single & np.isfinite(place).all(axis=1)
         errors, touched = (np.nan, np.nan), ""
         if own.sum() > 20:
-            extent = float(np.linalg.norm(np.ptp(truth.place[own], axis=0)))
-            of_kernels = misfit(
-                means(place[own], target[own]), means(truth.place[own], target[own]), extent
-            )
-            errors = (misfit(place[own], truth.place[own], extent), of_kernels)
+            errors = off(place[own], truth.place[own], target[own], truth.skin[own])
             if args.radius:
+                extent = float(np.linalg.norm(np.ptp(truth.place[own], axis=0)))
                 at = contacts(model, place[own], target[own], truth.place[own], args.radius)
                 touched = f"  contacts {misfit(at, truth.place[own], extent):5.2f} %"
         accepted = bool(model.accepted_by_part[number])

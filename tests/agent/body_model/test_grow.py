@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from hand_made_chains import an_arm, nearest_of, touches
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from selftouch_drake.agent.body_model import forest, grow
@@ -105,9 +106,10 @@ def carried(motion, point):
 
 @cache
 def two_arms_on_a_neck(points_of_a_hand=1):
-    """Touches of a ball on a neck of two joints by two arms of three: `Scene`, twists and points.
+    """Touches of a ball on a neck of two joints by two arms of three.
 
-    Joints 0 and 1 are the neck's; 2, 3, 4 the first arm's. Each touch is by one hand.
+    `Scene`, whose hand touched, twists, points, and where on the ball. Joints 0 and 1 are the
+    neck's; 2, 3, 4 the first arm's. Each touch is by one hand.
     """
     random = np.random.default_rng(4)
     first, point = an_arm(seed=1, joints=5)
@@ -130,11 +132,11 @@ def two_arms_on_a_neck(points_of_a_hand=1):
         hand += [number] * len(q[-1])
     target = nearest_of(np.concatenate(y), KERNELS)
     scene = Scene(np.concatenate(q), target, np.zeros(KERNELS, dtype=int), {})
-    return scene, np.array(hand), twists, points
+    return scene, np.array(hand), twists, points, np.concatenate(y)
 
 
 def test_chains_of_two_hands_that_share_a_neck_become_one_tree():
-    scene, hand, twists, points = two_arms_on_a_neck()
+    scene, hand, twists, points, _ = two_arms_on_a_neck()
     # The second chain was found alone: in another frame, of another size, and mirrored.
     motion = np.eye(4)
     motion[:3, :3] = 0.7 * Rotation.random(rng=1).as_matrix() @ np.diag([1, 1, -1])
@@ -154,7 +156,7 @@ def test_chains_of_two_hands_that_share_a_neck_become_one_tree():
 
 
 def test_a_hand_that_is_no_point_is_given_several():
-    scene, hand, twists, points = two_arms_on_a_neck(points_of_a_hand=3)
+    scene, hand, twists, points, _ = two_arms_on_a_neck(points_of_a_hand=3)
     way = chain_way([0, 1, 2, 3, 4])
     own = replace(scene.some(np.flatnonzero(hand == 0)), ways={(0, 0): way})
     blunt = started(own, twists, points[:3].mean(axis=0)[None])
@@ -165,7 +167,7 @@ def test_a_hand_that_is_no_point_is_given_several():
 
 
 def test_limbs_are_told_by_the_joints_that_tell_most_touches_surely():
-    scene, _, _, _ = two_arms_on_a_neck()
+    scene, *_ = two_arms_on_a_neck()
     some = np.arange(0, len(scene.q), 2)
     q, group = scene.q.T.astype(np.float32), Group.of(some, scene.target[some])
     # The neck was given to one of them, and one limb fell into two: each limb's own joints are.
@@ -174,7 +176,7 @@ def test_limbs_are_told_by_the_joints_that_tell_most_touches_surely():
 
 
 def test_joints_of_a_hand_that_is_no_point_find_their_places():
-    scene, hand, twists, points = two_arms_on_a_neck(points_of_a_hand=3)
+    scene, hand, twists, points, _ = two_arms_on_a_neck(points_of_a_hand=3)
     ways = dict.fromkeys(((0, 0), (0, 1), (0, 2)), chain_way([0, 2, 1, 3, 4]))
     own = replace(scene.some(np.flatnonzero(hand == 0)), ways=ways)
     assert own.blunt
@@ -182,3 +184,24 @@ def test_joints_of_a_hand_that_is_no_point_find_their_places():
     ordered, solution = in_better_order(search, own, started(own, twists, points[:3]), 0)
     assert order_of(ordered.ways[0, 0]) == [0, 1, 2, 3, 4]
     assert forest.explained(ordered, solution, 0) > 0.85
+
+
+@pytest.mark.slow
+def test_two_hands_that_are_no_points_are_found_by_what_was_felt():
+    """With nothing given, by a search that is led by sensations, and what one hand shows."""
+    scene, _, _, _, y = two_arms_on_a_neck(points_of_a_hand=4)
+    receptors = y[np.random.default_rng(1).choice(len(y), 60, replace=False)]
+    apart = np.linalg.norm(y[:, None] - receptors, axis=2) / np.std(y)
+    felt = csr_array(np.exp(-2 * apart**2) * (apart < 1.2))
+    q = np.ascontiguousarray(scene.q.T.astype(np.float32))
+    search = Search(q, np.random.default_rng(0), sensation=felt)
+    tested = np.arange(len(scene.q)) % 5 == 0
+    body = grow.grown(search, scene, tested, list(range(8)), hands=True)
+    assert body is not None
+    hands = body.links.hands(body.links.toucher)
+    ways = {order_of_hand(body, hand[0]) for hand in hands}
+    assert ways == {(0, 1, 2, 3, 4), (0, 1, 5, 6, 7)}
+
+
+def order_of_hand(body, toucher):
+    return tuple(order_of(body.links.way(body.links.part[0], body.links.toucher[toucher])))

@@ -20,7 +20,7 @@ def searching(scene):
 
 
 def test_a_hand_that_is_known_tells_which_touches_are_of_others():
-    scene, hand, twists, points = two_arms_on_a_neck()
+    scene, hand, twists, points, _ = two_arms_on_a_neck()
     first = chain(NECK_AND_ARMS[0], twists, points[0], -9.0)
     known = Shown.of(scene, first, np.flatnonzero(hand == 0), 0)
     by_others = known.by_others(scene, np.arange(len(scene.q)))
@@ -30,7 +30,7 @@ def test_a_hand_that_is_known_tells_which_touches_are_of_others():
 
 
 def test_the_next_hand_is_found_from_what_the_first_one_shows():
-    scene, hand, twists, points = two_arms_on_a_neck()
+    scene, hand, twists, points, _ = two_arms_on_a_neck()
     first = chain(NECK_AND_ARMS[0], twists, points[0], -9.0)
     known = Shown.of(scene, first, np.flatnonzero(hand == 0), 0)
     rows = np.flatnonzero(hand == 1)
@@ -43,7 +43,7 @@ def test_the_next_hand_is_found_from_what_the_first_one_shows():
 
 
 def test_nothing_is_looked_for_where_hardly_a_joint_is_new():
-    scene, hand, twists, points = two_arms_on_a_neck()
+    scene, hand, twists, points, _ = two_arms_on_a_neck()
     known = Shown.of(
         scene, chain(NECK_AND_ARMS[0], twists, points[0], -9.0), np.flatnonzero(hand == 0), 0
     )
