@@ -301,7 +301,8 @@ class _Grower:
             if len(limb.group.rows) >= _FEWEST_OF_LIMB and limb.group.num_kernels >= 8
         ]
         chains = dict[int, tuple[Bodies, np.ndarray]]()
-        for turn in range(_SEARCHES):
+        # Once more, for those that failed before another one was found.
+        for turn in range(_SEARCHES + 1):
             for number, (limb, searched, likely) in enumerate(each):
                 if number in chains:
                     continue
