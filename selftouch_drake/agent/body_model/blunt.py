@@ -9,19 +9,30 @@ from scipy.cluster.vq import kmeans2
 from selftouch_drake.agent.body_model.fit import Way
 from selftouch_drake.agent.body_model.forest import dense_rows, explained
 from selftouch_drake.agent.body_model.refine import refined
-from selftouch_drake.agent.body_model.scene import Scene, Solution
+from selftouch_drake.agent.body_model.scene import (
+    BLUNT,
+    Scene,
+    Solution,
+    neighbour_distance,
+    solution_places,
+)
 from selftouch_drake.agent.body_model.structure import Search, neighbours_swapped
 from selftouch_drake.agent.body_model.touchers import in_hand
-from selftouch_drake.agent.body_model.who_touched import started
+from selftouch_drake.agent.body_model.tree import Tree
+from selftouch_drake.agent.body_model.who_touched import expected, started
 
 # Where a point of a hand must have been, it was not if it is so many times farther from the middle
 # of all such places than half of them are.
 _FAR = 4.0
+# The same once a tree stands: a few kernels at wrong places have all of their touches there.
+_OUTSIDE = 2.5
 # Steps of least squares for points that clusters tell, and for joints that changed places.
 _STEPS = 6
 # Touches by which orders are compared; by so much the criterion must fall, and touches that are
 # explained must not.
 _COMPARED, _BETTER = 4000, 0.03
+# Share of touches that hands made, before touches say it.
+_OF_HANDS = 0.95
 
 
 def spread(
@@ -37,14 +48,84 @@ def spread(
         random: where clusters begin.
     """
     way = scene.ways[part, 0]
-    cloud = in_hand(scene, solution, scene.rows(part), way)
-    cloud = cloud[np.isfinite(cloud).all(axis=1)]
-    away = np.linalg.norm(cloud - np.median(cloud, axis=0), axis=1)
-    cloud = cloud[away <= _FAR * np.median(away)]
+    cloud = _near(in_hand(scene, solution, scene.rows(part), way))
     points = kmeans2(cloud, number, minit="++", rng=random)[0]
     wider = replace(scene, ways={(part, toucher): way for toucher in range(number)})
     begun = started(wider, solution.twists, points)
     return wider, refined(wider, begun, steps=_STEPS)
+
+
+def with_more_points(
+    tree: Tree, scene: Scene, solution: Solution, number: int, random: np.random.Generator
+) -> tuple[Tree, Scene, Solution]:
+    """The tree whose hands of several points have more of them, where their touches are.
+
+    A few points are enough to find a tree; more say better where on a hand it touches. Kernels stay
+    where they are at first: of many points of several hands some place fits any kernel.
+
+    Args:
+        tree: of the body.
+        scene: touches of all parts.
+        solution: of these.
+        number: points of each hand that has three or more.
+        random: where clusters begin.
+    """
+    points, toucher = list[np.ndarray](), dict[int, int]()
+    ways = dict[tuple[int, int], Way]()
+    for joint in sorted(set(tree.toucher.values())):
+        hand = [u for u, its in tree.toucher.items() if its == joint]
+        own = solution.points[hand]
+        if len(hand) >= BLUNT:
+            own = kmeans2(_touching(scene, solution, hand), number, minit="++", rng=random)[0]
+        new = range(len(toucher), len(toucher) + len(own))
+        points.append(own)
+        toucher.update(dict.fromkeys(new, joint))
+        ways.update(
+            {(part, u): way for (part, v), way in scene.ways.items() if v in hand for u in new}
+        )
+    wider = replace(scene, ways=ways)
+    begun = started(wider, solution.twists, np.concatenate(points))
+    even = np.zeros_like(begun.frequency)
+    for part in wider.parts:
+        even[part, wider.touchers(part)] = _OF_HANDS / len(wider.touchers(part))
+    place = _better_placed(wider, begun, solution.place)
+    known = replace(
+        begun, place=place, normal=solution.normal, sigma=solution.sigma, frequency=even
+    )
+    return replace(tree, toucher=toucher), wider, expected(wider, known, rounds=4)
+
+
+def _better_placed(scene: Scene, begun: Solution, known: np.ndarray) -> np.ndarray:
+    """Known places of kernels, `(K, 3)`, but where they explain few touches, and others more."""
+    Y = solution_places(scene, begun)
+    apart = neighbour_distance(known[np.isfinite(known).all(axis=1)])
+    number = np.bincount(scene.target, minlength=len(known))
+    near = []
+    for place in (known, begun.place):
+        away = np.linalg.norm(Y - place[scene.target], axis=2)
+        close = np.nanmin(np.where(np.isfinite(away), away, np.inf), axis=0) < apart
+        near.append(np.bincount(scene.target[close], minlength=len(known)))
+    worse = (2 * near[0] < number) & (near[1] > near[0])
+    return np.where(worse[:, None], begun.place, known)
+
+
+def _touching(scene: Scene, solution: Solution, hand: list[int]) -> np.ndarray:
+    """`(n, 3)` where in a hand its touches of all parts were, but for those far away."""
+    clouds = []
+    for part in scene.parts:
+        own = [u for u in hand if (part, u) in scene.ways]
+        if own:
+            rows = scene.rows(part)
+            rows = rows[solution.share[np.ix_(rows, np.array(own))].sum(axis=1) > 0.5]
+            clouds.append(in_hand(scene, solution, rows, scene.ways[part, own[0]]))
+    return _near(np.concatenate(clouds), _OUTSIDE)
+
+
+def _near(cloud: np.ndarray, far: float = _FAR) -> np.ndarray:
+    """Known places that are not far from the middle of all."""
+    cloud = cloud[np.isfinite(cloud).all(axis=1)]
+    away = np.linalg.norm(cloud - np.median(cloud, axis=0), axis=1)
+    return cloud[away <= far * np.median(away)]
 
 
 def in_better_order(

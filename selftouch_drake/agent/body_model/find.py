@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model import few, grow, structure
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
+from selftouch_drake.agent.body_model.blunt import with_more_points
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.density import limbs
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
@@ -52,6 +53,8 @@ from selftouch_drake.agent.body_model.who_touched import started
 _SEARCHED, _REFINED = 25_000, 40_000
 # Touchers on one link, at most.
 _MOST_TOUCHERS = 4
+# Points of a hand that is no point, once the tree stands.
+_POINTS = 8
 # Neighbours may change places if that costs less.
 _SWAPS = 0.02
 # Chains that began apart and whose criteria differ by less agree.
@@ -561,9 +564,15 @@ def _finished_tree(
     scene = whole.some(np.sort(train))
     choice, tests = (whole.some(np.flatnonzero(purpose == use)) for use in (CHOICE, VERDICT))
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
+    if scene.blunt:
+        tree, scene, solution = with_more_points(tree, scene, solution, _POINTS, search.random)
+        solution = refined(scene, solution, tick=search.tick)
+        whole, choice, tests = (replace(one, ways=scene.ways) for one in (whole, choice, tests))
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
-    solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
+    if not scene.blunt:
+        # Several points of a hand are its surface.
+        solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
     if solution.sizes is None:
         # Nothing of a tree of points was chosen by held-out touches: all of them judge it.
         tests = whole.some(np.flatnonzero(purpose > 0))

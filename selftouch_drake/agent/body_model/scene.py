@@ -15,6 +15,8 @@ from selftouch_drake.agent.body_model.chain import places, turns
 from selftouch_drake.agent.body_model.fit import Way
 from selftouch_drake.agent.body_model.support import beside, blended_normals, bulge_slopes, smoothed
 
+#: A hand of so many points of one link is none.
+BLUNT = 3
 # Neighbouring kernels that give a kernel's normal.
 _NEIGHBOURS = 8
 # Places lie in a plane if they spread by less across it, relative to their longest spread.
@@ -52,7 +54,7 @@ class Scene:
     def blunt(self) -> bool:
         """Whether three points of one link touch, or more: a hand that is no point."""
         number = Counter((part, way) for (part, _), way in self.ways.items())
-        return max(number.values(), default=0) >= 3
+        return max(number.values(), default=0) >= BLUNT
 
     def touchers(self, part: int) -> np.ndarray:
         """Touchers that may touch a part."""
