@@ -10,11 +10,11 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from selftouch_drake.agent.body_model import forest, grow
-from selftouch_drake.agent.body_model.blunt import in_better_order, spread
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread, with_more_points
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import telling_cores
 from selftouch_drake.agent.body_model.fit import Bodies, Group, chain_way
-from selftouch_drake.agent.body_model.scene import Scene
+from selftouch_drake.agent.body_model.scene import Scene, neighbour_distance
 from selftouch_drake.agent.body_model.structure import Search, order_of
 from selftouch_drake.agent.body_model.who_touched import started
 
@@ -205,3 +205,23 @@ def test_two_hands_that_are_no_points_are_found_by_what_was_felt():
 
 def order_of_hand(body, toucher):
     return tuple(order_of(body.links.way(body.links.part[0], body.links.toucher[toucher])))
+
+
+def test_hands_that_are_no_points_get_more_of_them_once_a_tree_stands():
+    scene, _, twists, points, _ = two_arms_on_a_neck(points_of_a_hand=3)
+    links = forest.Links.of_chain(chain_way([0, 1, 2, 3, 4]), 0, 3)
+    links, hand = links.extended(2, [5, 6, 7], forwards=True)
+    tree = replace(links, toucher={**links.toucher, 3: hand, 4: hand, 5: hand}).rooted(0)
+    own = replace(scene, ways=tree.ways([(0, toucher) for toucher in range(6)]))
+    solution = started(own, twists, points)
+    # A kernel that is known to lie where nobody touched finds its place again.
+    lost = solution.place.copy()
+    lost[5] += 100.0
+    wrong = replace(solution, place=lost)
+    more, wider, found = with_more_points(tree, own, wrong, 5, np.random.default_rng(0))
+    assert sorted(more.toucher.values()) == [4] * 5 + [7] * 5
+    assert forest.explained(wider, found, 0) > 0.9
+    moved = np.linalg.norm(found.place - solution.place, axis=1)
+    spacing = neighbour_distance(solution.place)
+    assert np.median(moved) < spacing / 3
+    assert moved[5] < spacing
