@@ -186,6 +186,7 @@ def test_joints_of_a_hand_that_is_no_point_find_their_places():
     assert forest.explained(ordered, solution, 0) > 0.85
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_two_hands_that_are_no_points_are_found_by_what_was_felt():
     """With nothing given, by a search that is led by sensations, and what one hand shows."""
