@@ -13,6 +13,7 @@ from selftouch_drake.agent.body_model.scene import (
     BLUNT,
     Scene,
     Solution,
+    away_from_kernels,
     neighbour_distance,
     solution_places,
 )
@@ -102,8 +103,7 @@ def _better_placed(scene: Scene, begun: Solution, known: np.ndarray) -> np.ndarr
     number = np.bincount(scene.target, minlength=len(known))
     near = []
     for place in (known, begun.place):
-        away = np.linalg.norm(Y - place[scene.target], axis=2)
-        close = np.nanmin(np.where(np.isfinite(away), away, np.inf), axis=0) < apart
+        close = away_from_kernels(Y, place, scene.target) < apart
         near.append(np.bincount(scene.target[close], minlength=len(known)))
     worse = (2 * near[0] < number) & (near[1] > near[0])
     return np.where(worse[:, None], begun.place, known)

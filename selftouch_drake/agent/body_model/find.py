@@ -143,18 +143,18 @@ def find_body_model(
     felt = None if sensation is None else csr_array(sensation)[touches.rows]
     random = np.random.default_rng(seed)
     search = Search(touches.single(), random, each, tick, unit, felt)
-    if sensation is not None and number <= few.MOST:
+    if felt is not None and number <= few.MOST:
         when = touches.when(sequence)
         moved = moved_together(touches.q[when])
         if len(moved.sets) > 1:
             moved = moved.at(when)
-            found = _find_by_limbs(search, touches, sensation, moved, seed)
+            found = _find_by_limbs(search, touches, felt, moved, seed)
             if found is None:
                 return none("No part has enough touches of two limbs, each moved alone.")
             return model_of(found)
     found = None
-    if few_enough:
-        found = _find_by_sensation(search, touches, sensation, seed)
+    if few_enough and felt is not None:
+        found = _find_by_sensation(search, touches, felt, seed)
     if found is None:
         found = _find(search, touches, seed)
     if found is None:
@@ -280,12 +280,10 @@ def _any_accepted(found: Found) -> bool:
 
 
 def _find_by_sensation(
-    search: Search, touches: StandardTouches, sensation: csr_array, seed: int
+    search: Search, touches: StandardTouches, felt: csr_array, seed: int
 ) -> Found | None:
-    """The body of one part by one toucher, from few touches."""
-    chain = few.found_by_sensation(
-        search, touches.q, csr_array(sensation)[touches.rows], touches.moving
-    )
+    """The body of one part by one toucher, from few touches and what these felt like."""
+    chain = few.found_by_sensation(search, touches.q, felt, touches.moving)
     if chain is None:
         return None
     part = int(touches.part[touches.target[0]])
@@ -305,10 +303,9 @@ def _find_by_sensation(
 
 
 def _find_by_limbs(
-    search: Search, touches: StandardTouches, sensation: csr_array, moved: Moved, seed: int
+    search: Search, touches: StandardTouches, felt: csr_array, moved: Moved, seed: int
 ) -> Found | None:
     """The body of few touches that were made with one limb at a time."""
-    felt = csr_array(sensation)[touches.rows]
     part = touches.part[touches.target]
     purpose = held_out(touches.q, search.random)
     best = None

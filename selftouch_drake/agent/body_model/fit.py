@@ -16,7 +16,6 @@ Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 #: Degrees of freedom of the Student distribution of a descent: fewer see a body through more wrong
 #: labels, more tell bodies apart better. Measured on a cube with 10 and 30 % wrong labels.
 TAIL = 3.0
-_NONE_FIXED = np.zeros(0, dtype=np.int64)
 # Members that one call works on: the same bytes whatever the number of threads.
 _BLOCK = 8
 
@@ -86,7 +85,6 @@ class Smooth:
             np.int64(1),
             np.ones(1),
             np.ascontiguousarray(self.precision),
-            _NONE_FIXED,
         )
 
 
@@ -208,7 +206,7 @@ def draw(
         flat = chosen.reshape(how.steps, -1)
         rows[:, index, : flat.shape[1]] = flat
     weights = np.ones(len(groups)) if weight is None else np.array(weight, dtype=float)
-    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros((0, 0)), _NONE_FIXED)
+    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros((0, 0)))
 
 
 def descended(

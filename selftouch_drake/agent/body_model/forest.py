@@ -13,6 +13,7 @@ from selftouch_drake.agent.body_model.scene import (
     Scene,
     Solution,
     all_places,
+    away_from_kernels,
     kernel_medians,
     neighbour_distance,
 )
@@ -104,6 +105,11 @@ class Links:
             link, number = number, number + 1
         return replace(self, ends=ends, number=number), link
 
+    def with_part(self, part: int, link: int, joints: Sequence[int]) -> "Links":
+        """One more part, behind joints that lead from it to a link."""
+        links, skin = self.extended(link, joints[::-1], forwards=False)
+        return replace(links, part={**links.part, part: skin})
+
     def rooted(self, root: int) -> Tree:
         """The same as a rooted tree: the joint of a link is the one that carries it."""
         parent: dict[int, int] = {}
@@ -174,7 +180,7 @@ def explained(scene: Scene, solution: Solution, part: int, *, of_known: bool = T
     if len(known) < 8:
         return 0.0
     apart = neighbour_distance(middle[known])
-    far = np.linalg.norm(Y - middle[target], axis=2).min(axis=0)
+    far = away_from_kernels(Y, middle, target)
     number = np.isfinite(middle[target][:, 0]).sum() if of_known else len(rows)
     return float((far[np.isfinite(far)] < apart).sum() / max(number, 1))
 
@@ -417,26 +423,24 @@ def _medians(scene: Scene, chain: Bodies, rows: np.ndarray) -> np.ndarray:
 
 def attached(
     search: Search,
-    scene: Scene,
     group: Group,
     body: Mechanism,
     part: int,
     *,
     inner: Sequence[int],
     outer: Sequence[int],
-    shared: Sequence[int] | None,
+    shared: Sequence[int],
 ) -> list[Mechanism]:
     """Bodies with a part whose way has joints that the tree does not have yet, best first.
 
     Args:
         search: what to work on.
-        scene: touches; its ways are not read.
         group: touches of the part by one toucher; others are outliers.
         body: the tree so far.
         part: to be added.
         inner: new joints between the tree and the part.
         outer: new joints between the tree and a new toucher; none: a known toucher touched.
-        shared: joints of the tree that a chain found alone has; None: unknown.
+        shared: joints of the tree that a chain found alone has.
     """
     links = body.links
     ends = range(links.number) if outer else sorted(set(links.toucher.values()))
@@ -444,7 +448,7 @@ def attached(
     for start, end in itertools.product(range(links.number), ends):
         middle = links.way(start, end)
         joints = {joint for joint, _ in middle}
-        if shared is not None and len(joints ^ set(shared)) > _APART:
+        if len(joints ^ set(shared)) > _APART:
             continue
         if start == end and not (inner and outer):
             continue
@@ -486,9 +490,8 @@ def _with(body: Mechanism, part: int, hypothesis, tried: Bodies) -> Mechanism:
     The fit began in the frame of the body and left it: the joints of both tell the way back.
     """
     start, end, first, last, _ = hypothesis
-    links, skin = body.links.extended(start, first[::-1], forwards=False)
+    links = body.links.with_part(part, start, first)
     links, hand = links.extended(end, last, forwards=True)
-    links = replace(links, part={**links.part, part: skin})
     twists, points = body.twists.copy(), body.points
     fresh = [*first, *last]
     both = [joint for joint, _ in hypothesis[4] if joint not in fresh]

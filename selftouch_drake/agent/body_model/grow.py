@@ -300,7 +300,7 @@ class _Grower:
             for number, limb in enumerate(self._limbs(group, share, cores))
             if len(limb.group.rows) >= _FEWEST_OF_LIMB and limb.group.num_kernels >= 8
         ]
-        chains = dict[int, tuple[Bodies, np.ndarray]]()
+        chains, known = dict[int, tuple[Bodies, np.ndarray]](), None
         # Once more, for those that failed before another one was found.
         for turn in range(_SEARCHES + 1):
             for number, (limb, searched, likely) in enumerate(each):
@@ -308,7 +308,8 @@ class _Grower:
                     continue
                 found = None
                 if turn and chains:
-                    known = Shown.of(self.scene, *next(iter(chains.values())), part)
+                    if known is None:
+                        known = Shown.of(self.scene, *next(iter(chains.values())), part)
                     found = self._taught(limb, known, likely)
                 if found is None:
                     chain = next(searched, None)
@@ -512,7 +513,7 @@ class _Grower:
         inner = [joint for joint in new if order.index(joint) < middle]
         outer = [joint for joint in new if order.index(joint) > middle]
         yield from attached(
-            self.search, self.scene, self.groups[part], body, part,
+            self.search, self.groups[part], body, part,
             inner=inner, outer=outer, shared=shared,
         )[:3]  # fmt: skip
 

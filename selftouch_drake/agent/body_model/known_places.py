@@ -31,6 +31,7 @@ from selftouch_drake.agent.body_model.forest import Mechanism, alone, robust_sim
 from selftouch_drake.agent.body_model.scene import (
     Scene,
     all_places,
+    away_from_kernels,
     neighbour_distance,
     way_places,
 )
@@ -70,10 +71,8 @@ class Shown:
     def by_others(self, scene: Scene, rows: np.ndarray) -> np.ndarray:
         """`(n,)` bool, touches of known kernels that the hand cannot have made."""
         own = alone(scene, rows, self.part, self.chain)
-        place = self.place[own.target]
-        away = np.linalg.norm(
-            all_places(own, self.chain.twists[0], self.chain.points[0]) - place, axis=2
-        ).min(axis=0)
+        Y = all_places(own, self.chain.twists[0], self.chain.points[0])
+        away = away_from_kernels(Y, self.place, own.target)
         known = np.isfinite(self.place).all(axis=1)
         return away > _FAR * neighbour_distance(self.place[known])
 
@@ -166,10 +165,8 @@ def _behind(search: Search, group: Group, place: np.ndarray, joints: Sequence[in
     known = range(number, number + 3)
     center = place.mean(axis=0)
     q = np.vstack([search.q[:, group.rows], ((place - center) / place.std()).T]).astype(np.float32)
-    ways = [
-        (*chain_way(order), *chain_way(known)) for order in itertools.permutations(joints)
-    ] * _DRAWN
-    bodies = random_bodies([[way] for way in ways], number + 3, 1, search.random)
+    ways = [[chain_way((*order, *known))] for order in itertools.permutations(joints)]
+    bodies = random_bodies(ways * _DRAWN, number + 3, 1, search.random)
     bodies.twists[:] *= _BEGUN
     bodies.twists[:, number:] = np.eye(6)[3:]
     bodies.points[:] = 0.0
@@ -194,8 +191,7 @@ def _with_part(
     motion[:3] = np.column_stack([place.std() * np.eye(3), place.mean(axis=0)])
     twists = body.twists.copy()
     twists[new] = adjoint(motion, found.twists[0, new])
-    links, skin = body.links.extended(link, new[::-1], forwards=False)
-    links = replace(links, part={**links.part, part: skin})
+    links = body.links.with_part(part, link, new)
     pairs = (*body.pairs, *((part, toucher) for toucher in hand))
     return Mechanism(links, twists, body.points, pairs)
 

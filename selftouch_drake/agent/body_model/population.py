@@ -64,7 +64,7 @@ class Draws(NamedTuple):
     members: np.integer
     weight: np.ndarray
     precision: np.ndarray
-    fixed: np.ndarray
+    fixed: np.ndarray = np.zeros(0, dtype=np.int64)
 
 
 class _Room(NamedTuple):

@@ -211,6 +211,12 @@ def kernel_medians(Y: np.ndarray, target: np.ndarray, number: int, least: int = 
     return found
 
 
+def away_from_kernels(Y: np.ndarray, place: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """`(n,)` from each touch's kernel to the nearest of the `(U, n, 3)` places of touchers."""
+    # The less of two is the one that is known.
+    return np.fmin.reduce(np.linalg.norm(Y - place[target], axis=2))
+
+
 def neighbour_distance(place: np.ndarray) -> float:
     """The median distance from each of the `(n, 3)` known places to the nearest other."""
     return float(np.median(cKDTree(place).query(place, k=2)[0][:, 1]))
