@@ -13,9 +13,6 @@ from selftouch_drake.agent.body_model.scene import (
     BLUNT,
     Scene,
     Solution,
-    away_from_kernels,
-    neighbour_distance,
-    solution_places,
 )
 from selftouch_drake.agent.body_model.structure import Search, neighbours_swapped
 from selftouch_drake.agent.body_model.touchers import in_hand
@@ -89,24 +86,10 @@ def with_more_points(
     even = np.zeros_like(begun.frequency)
     for part in wider.parts:
         even[part, wider.touchers(part)] = _OF_HANDS / len(wider.touchers(part))
-    place = _better_placed(wider, begun, solution.place)
     known = replace(
-        begun, place=place, normal=solution.normal, sigma=solution.sigma, frequency=even
+        begun, place=solution.place, normal=solution.normal, sigma=solution.sigma, frequency=even
     )
     return replace(tree, toucher=toucher), wider, expected(wider, known, rounds=4)
-
-
-def _better_placed(scene: Scene, begun: Solution, known: np.ndarray) -> np.ndarray:
-    """Known places of kernels, `(K, 3)`, but where they explain few touches, and others more."""
-    Y = solution_places(scene, begun)
-    apart = neighbour_distance(known[np.isfinite(known).all(axis=1)])
-    number = np.bincount(scene.target, minlength=len(known))
-    near = []
-    for place in (known, begun.place):
-        close = away_from_kernels(Y, place, scene.target) < apart
-        near.append(np.bincount(scene.target[close], minlength=len(known)))
-    worse = (2 * near[0] < number) & (near[1] > near[0])
-    return np.where(worse[:, None], begun.place, known)
 
 
 def _touching(scene: Scene, solution: Solution, hand: list[int]) -> np.ndarray:

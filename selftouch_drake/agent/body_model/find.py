@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model import few, grow, structure
+from selftouch_drake.agent.body_model.alike import Alike
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
 from selftouch_drake.agent.body_model.blunt import with_more_points
 from selftouch_drake.agent.body_model.chain import adjoint
@@ -561,9 +562,16 @@ def _finished_tree(
     scene = whole.some(np.sort(train))
     choice, tests = (whole.some(np.flatnonzero(purpose == use)) for use in (CHOICE, VERDICT))
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
+    alike = None
     if scene.blunt:
+        if search.sensation is not None:
+            alike = Alike.of(search.sensation, touches.target, touches.part)
+            solution = alike.mended(scene, solution)
         tree, scene, solution = with_more_points(tree, scene, solution, _POINTS, search.random)
         solution = refined(scene, solution, tick=search.tick)
+        if alike is not None and alike.misplaced(solution.place).any():
+            solution = refined(scene, alike.mended(scene, solution), tick=search.tick)
+            solution = alike.without_misplaced(scene, solution)
         whole, choice, tests = (replace(one, ways=scene.ways) for one in (whole, choice, tests))
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
@@ -575,6 +583,8 @@ def _finished_tree(
         tests = whole.some(np.flatnonzero(purpose > 0))
     verdicts = judge_parts(scene, tests, solution)
     final = carried_over(whole, solution)
+    if alike is not None:
+        final = alike.without_misplaced(whole, final)
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
