@@ -34,19 +34,21 @@ class Alike:
     near: np.ndarray
 
     @staticmethod
-    def of(sensation: csr_array, target: np.ndarray, part: np.ndarray) -> "Alike":
+    def of(sensation: csr_array | None, target: np.ndarray, part: np.ndarray) -> "Alike":
         """From what touches felt.
 
         Args:
-            sensation: `(R, S)` readings of the receptors.
+            sensation: `(R, S)` readings of the receptors; None: nobody knows what feels alike.
             target: `(R,)` target sensation of each touch.
             part: `(K,)` part of each target sensation.
         """
+        near = np.full((len(part), _ALIKE), -1)
+        if sensation is None:
+            return Alike(near)
         rows = np.arange(len(target))
         whose = csr_array((np.ones(len(rows)), (target, rows)), shape=(len(part), len(rows)))
         felt = (whose @ csr_array(sensation)).toarray()
         felt /= np.maximum(np.linalg.norm(felt, axis=1, keepdims=True), 1e-12)
-        near = np.full((len(part), _ALIKE), -1)
         for number in np.unique(part):
             own = np.flatnonzero(part == number)
             common = felt[own] @ felt[own].T

@@ -564,14 +564,8 @@ def _finished_tree(
     solution = refined(scene, started(scene, twists, body.points), tick=search.tick)
     alike = None
     if scene.blunt:
-        if search.sensation is not None:
-            alike = Alike.of(search.sensation, touches.target, touches.part)
-            solution = alike.mended(scene, solution)
-        tree, scene, solution = with_more_points(tree, scene, solution, _POINTS, search.random)
-        solution = refined(scene, solution, tick=search.tick)
-        if alike is not None and alike.misplaced(solution.place).any():
-            solution = refined(scene, alike.mended(scene, solution), tick=search.tick)
-            solution = alike.without_misplaced(scene, solution)
+        alike = Alike.of(search.sensation, touches.target, touches.part)
+        tree, scene, solution = _of_finer_hands(search, alike, tree, scene, solution)
         whole, choice, tests = (replace(one, ways=scene.ways) for one in (whole, choice, tests))
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
@@ -592,6 +586,18 @@ def _finished_tree(
         judgements=verdicts, seed=seed,
         spread=covariance(whole, final, fixed=fixed),
     )  # fmt: skip
+
+
+def _of_finer_hands(
+    search: Search, alike: Alike, tree: Tree, scene: Scene, solution: Solution
+) -> tuple[Tree, Scene, Solution]:
+    """The tree whose hands have more points, and no kernel far from those that feel like it."""
+    solution = alike.mended(scene, solution)
+    tree, scene, solution = with_more_points(tree, scene, solution, _POINTS, search.random)
+    solution = refined(scene, solution, tick=search.tick)
+    if alike.misplaced(solution.place).any():
+        solution = refined(scene, alike.mended(scene, solution), tick=search.tick)
+    return tree, scene, alike.without_misplaced(scene, solution)
 
 
 def _commuting(tree: Tree, twists: np.ndarray) -> np.ndarray:
