@@ -37,6 +37,9 @@ SLIDES, SLIDE_COST = 0.2, 0.05
 OPEN = 0.6
 # Touches that a search and a finish look at.
 _SEARCHED, _FINISHED = 256, 1000
+# Of fewer touches than this more populations are searched. Of 50 touches two of them found the body
+# in eight of twelve tries, and where they did not, it was smoother than what they found.
+_MANY = 150
 #: How much more noise a search takes for granted: more of it makes false optima fewer.
 SEARCHED_NOISE = 3.0
 # A judgement leaves out each of so many sets of touches in turn, and fits the rest anew in so many
@@ -103,7 +106,8 @@ def found_by_sensation(
     group = Smooth(used[some], sensed.some(some).precision(SEARCHED_NOISE))
     labels = neighbourhoods(sensed, search.random)
     best: tuple[list[int], SmoothChain, np.ndarray | None, Judgement] | None = None
-    for body in structure.found_chains(search, group, joints):
+    populations = structure.POPULATIONS * -(-_MANY // min(len(q), _MANY))
+    for body in structure.found_chains(search, group, joints, populations=populations):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
         unit = None if search.scale is None else search.scale[order]

@@ -38,7 +38,9 @@ _LARGER, _LARGE = 3, 256
 # Share of a population that stays, and that is bred from it; the rest is drawn anew.
 _STAY, _BRED = 0.25, 0.5
 # Neighbours of a chain are tried so often at most, from so many chains of the population.
-_MOST_PASSES, _CHAINS, _POPULATIONS = 10, 2, 2
+_MOST_PASSES, _CHAINS = 10, 2
+#: Populations that a search makes, if none of their chains is good.
+POPULATIONS = 2
 # A neighbour is taken if its criterion is better by this much; each further joint must earn more.
 _GAIN, _EARNED = 0.05, 0.1
 #: Fewer touches are not looked at.
@@ -319,17 +321,24 @@ def pruned(search: Search, group: Group | Smooth, body: Bodies) -> Bodies:
     return body
 
 
-def found_chains(search: Search, group: Group | Smooth, joints: Sequence[int]) -> Iterator[Bodies]:
+def found_chains(
+    search: Search,
+    group: Group | Smooth,
+    joints: Sequence[int],
+    *,
+    populations: int = POPULATIONS,
+) -> Iterator[Bodies]:
     """One body after another: chains of a population, led on by their neighbours, and polished.
 
-    Whoever asks stops when one is good. The second half comes from a population of its own.
+    Whoever asks stops when one is good. Each two come from a population of their own.
 
     Args:
         search: what to work on.
         group: touches of one toucher on one part.
         joints: that may matter.
+        populations: at most.
     """
-    for _ in range(_POPULATIONS):
+    for _ in range(populations):
         chains = population(search, group, joints)
         for number in range(min(_CHAINS, len(chains))):
             body = improved(search, group, chains.pick([number]), joints)

@@ -128,33 +128,22 @@ def test_touches_of_a_longer_fingertip_are_moved_to_where_they_are_felt(before, 
 
 
 @pytest.mark.slow
-def test_a_life_explains_a_change_by_its_chain_as_soon_as_it_is_noticed(monkeypatch):
-    monkeypatch.setattr(module, "_FIRST", 1500)
-    q, felt = ArmOnBall().touches(2400, seed=1)
-    q[2000:, 1] -= 0.4
-    life = Life(lambda: OnlineLearner(40), num_steps=300)
-    life.take(q, felt)
-    (noticed,) = life.noticed
-    assert 2000 <= noticed.row < noticed.explained_at <= 2400
-    assert noticed.change.chain is not None
-    assert [(part.kind, part.joint) for part in noticed.change.chain.parts] == [(Change.ZERO, 1)]
-    assert not life.has_doubts
-
-
-@pytest.mark.slow
-def test_more_touches_make_the_numbers_of_a_change_exact(monkeypatch):
+def test_a_life_explains_a_change_as_soon_as_it_is_noticed_and_ever_more_exactly(monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 1500)
     q, felt = ArmOnBall().touches(2400, seed=1)
     q[2000:, 1] -= 0.4
     life = Life(lambda: OnlineLearner(40), num_steps=300)
     life.take(q[:2100], felt[:2100])
     (first,) = life.noticed
+    assert 2000 <= first.row < first.explained_at <= 2100
     life.take(q[2100:], felt[2100:])
     (later,) = life.noticed
     assert (later.explained_at, later.withdrawn) == (first.explained_at, ())
     few, more = (noticed.change.chain.parts[0] for noticed in (first, later))
+    assert (few.kind, few.joint) == (more.kind, more.joint) == (Change.ZERO, 1)
     assert more.sigma < 0.7 * few.sigma
     assert more.amount == pytest.approx(0.4, abs=0.02)
+    assert not life.has_doubts
 
 
 @pytest.mark.slow
