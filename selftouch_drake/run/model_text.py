@@ -229,8 +229,10 @@ def _things_on_links(model: BodyModel) -> dict[int, list[str]]:
     for part, link in enumerate(model.part_link.tolist()):
         if link != UNUSED:
             worn[link].append(f"wears part {part}")
-    for toucher, link in enumerate(model.toucher_link.tolist()):
-        worn[link].append(f"touches with toucher {toucher}")
+    for link in np.unique(model.toucher_link).tolist():
+        touchers = np.flatnonzero(model.toucher_link == link)
+        listed = ", ".join(str(toucher) for toucher in touchers)
+        worn[link].append(f"touches with {_plural('toucher', len(touchers))} {listed}")
     return worn
 
 

@@ -81,6 +81,16 @@ def test_the_tree_is_drawn_from_the_base(model):
     ]
 
 
+def test_points_of_a_hand_are_named_together(model):
+    several = dataclasses.replace(
+        model,
+        toucher_link=np.repeat(model.toucher_link, 3),
+        toucher_place=np.repeat(model.toucher_place, 3, axis=0),
+        toucher_shape=np.repeat(model.toucher_shape, 3, axis=0),
+    )
+    assert "   ├─ arm > hand (touches with touchers 0, 1, 2)" in model_text(several).tree
+
+
 def test_parts_are_judged_one_by_one(model):
     rows = [dict(zip(PART_COLUMNS, row, strict=True)) for row in model_text(model).parts]
     assert [row["judgement"] for row in rows] == ["accepted", "rejected"]
