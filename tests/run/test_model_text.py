@@ -87,6 +87,7 @@ def test_points_of_a_hand_are_named_together(model):
         toucher_link=np.repeat(model.toucher_link, 3),
         toucher_place=np.repeat(model.toucher_place, 3, axis=0),
         toucher_shape=np.repeat(model.toucher_shape, 3, axis=0),
+        covariance=np.zeros((39, 39)),
     )
     assert "   ├─ arm > hand (touches with touchers 0, 1, 2)" in model_text(several).tree
 
