@@ -17,13 +17,14 @@ both skins felt each touch.
 keeps what it found. Kinematics, taxels and mounts are unknown; unless `--order given`, so are the
 joints of each limb, their order, which limbs are a pair, and which of their joints correspond:
 `limbs` prints what touches tell of these. What is given is which skin is at the end of which limb.
-A body that was kept is not looked for again. `table` makes the skins of kept bodies finer, and
-compares them with the repository's description and with each other: a row for each fold and seed,
-and one for the lowest loss of a fold's seeds. `nominal` fits the same, with as fine skins, from
-that description, and writes the corrected robot of each fold as URDF. `unseen` finishes, by least
-squares, bodies of the six files without the two in which hands touch the other arm, and predicts
-all touches of these two: bodies that were found so (`body --without-hands`), those found from all
-eight files, and the described one.
+A body that was kept is not looked for again. `table` makes the skins of kept bodies finer and
+their joints those on which drafts agree, and compares them with the repository's description and
+with each other: a row for each fold and seed, and one for the lowest loss of a fold's seeds.
+`nominal` fits the same, with as fine skins, from that description, and writes the corrected robot
+of each fold as URDF. `unseen` finishes, by least squares and where drafts agree, bodies of the six
+files without the two in which hands touch the other arm, and predicts all touches of these two:
+bodies that were found so (`body --without-hands`), those found from all eight files, and the
+described one.
 
 `maps` says where the taxels of one skin are, by `selftouch map`'s way, and beside it by plain
 Isomap on the cosines of shared touches. The filed positions, from another calibration, are the
@@ -408,10 +409,16 @@ def predict_unseen(given: argparse.Namespace) -> None:
         problems = Problems.of(train, LAYOUT, 0)
         for seed, began, some in _begun(given, problems, fold):
             after = finished(problems.whole, some, sigma=SIGMA)
-            for said, one in (("no", some), ("yes", after)):
-                score = scored(problems.body, one.rows[0], hands, given.path)
+            begun = Found(body=problems.body, row=some.rows[0], order=some.orders[0])
+            fine = finer(begun, train)
+            for said, loss, body, row in (
+                ("no", f"{some.loss[0]:.2f}", problems.body, some.rows[0]),
+                ("yes", f"{after.loss[0]:.2f}", problems.body, after.rows[0]),
+                ("drafts", "", fine.body, fine.row),
+            ):
+                score = scored(body, row, hands, given.path)
                 axes = f"{score.worst('left', 'right'):.0f}, {score.worst('head'):.0f}"
-                cells = [str(fold), str(seed), began, said, f"{one.loss[0]:.2f}", axes]
+                cells = [str(fold), str(seed), began, said, loss, axes]
                 cells += [f"{score.held_out[name]:.1f}" for name in HANDS]
                 print(f"| {' | '.join(cells)} |", flush=True)
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from two_sided import LAYOUT, LEFT, RIGHT, arm_places, axes, recordings, trunk_places
 
 from selftouch_drake.agent.body_model.both_sides.descent import losses
@@ -32,6 +33,7 @@ from selftouch_drake.agent.body_model.both_sides.recordings import (
 )
 from selftouch_drake.agent.body_model.both_sides.search import SIGMA, Effort, Problems, found
 from selftouch_drake.agent.body_model.both_sides.start import any_turns, at_random, mirrored
+from selftouch_drake.agent.body_model.both_sides.steady import Pair, agreed
 
 SMALL = Effort(
     starts=20, carried=2, images=6, bundled=4, passes=1, redrawn=4, last_steps=100
@@ -140,6 +142,47 @@ def test_finer_skins_say_better_where_touches_were(touches, problems, body, one)
     assert loss < one.loss[0] - 1
     apart = axes_apart((fine.body, fine.row), (body, true_row(body)))
     assert apart.max() < 8
+
+
+def moved_draft(body: Body, random: np.random.Generator, noise: float) -> Found:
+    """The true body seen from elsewhere, its axes off at random."""
+    row = true_row(body)
+    body.axes(row)[:] += noise * random.normal(size=(6, 3))
+    turn = Rotation.random(rng=random).as_matrix()
+    for own in (body.axes(row), body.centres(row), body.coefficients(row, "trunk")):
+        own[:] = own @ turn
+    shift = random.normal(size=3)
+    body.centres(row)[:] += shift
+    body.coefficients(row, "trunk")[0] += shift
+    return Found(body=body, row=row, order=np.arange(6))
+
+
+def degrees_off(axes_of: np.ndarray) -> np.ndarray:
+    true = axes() / np.linalg.norm(axes(), axis=1, keepdims=True)
+    return np.degrees(np.arccos(np.clip((axes_of * true).sum(axis=1), -1, 1)))
+
+
+def test_drafts_agree_on_joints_better_than_each(body):
+    random = np.random.default_rng(0)
+    here = Found(body=body, row=true_row(body), order=np.arange(6))
+    drafts = [moved_draft(body, random, 0.08) for _ in range(20)]
+    joints = agreed(here, drafts)
+    assert degrees_off(joints.axes).mean() < 2
+    assert np.median(joints.axes_off) == pytest.approx(0.08, rel=0.3)
+    np.testing.assert_allclose(joints.centres, body.centres(here.row), atol=1e-3)
+
+
+def test_limbs_of_a_pair_are_images_only_as_far_as_errors_explain_it(touches, body):
+    random = np.random.default_rng(1)
+    here = Found(body=body, row=true_row(body), order=np.arange(6))
+    pair = Pair(first=RIGHT, second=LEFT, sense=senses(touches, LAYOUT, "right", "left"))
+    drafts = [moved_draft(body, random, 0.08) for _ in range(5)]
+    alone, both = (agreed(here, drafts, pairs).axes for pairs in ((), (pair,)))
+    assert degrees_off(both).mean() < degrees_off(alone).mean()
+    # With one joint the other way round they are no images, and drafts are sure.
+    wrong = Pair(first=RIGHT, second=LEFT, sense=pair.sense * [1, 1, -1])
+    sure = [moved_draft(body, random, 0.001) for _ in range(5)]
+    assert degrees_off(agreed(here, sure, [wrong]).axes).max() < 0.2
 
 
 def test_grain_is_the_distance_of_receptors_in_one_unit_for_all_skins(body):

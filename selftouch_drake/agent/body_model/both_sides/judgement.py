@@ -47,7 +47,7 @@ def axes_apart(first: tuple[Body, np.ndarray], second: tuple[Body, np.ndarray]) 
         first: a body and its `(P,)` row, joint and column in agreement.
         second: another one of the same joints; its skins may have other receptors.
     """
-    here, there = _shared_places(first, second)
+    here, there = shared_places(first, second)
     own, other = (_units(body.axes(row).astype(float)) for body, row in (first, second))
     u, _, vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
     angles = []
@@ -58,7 +58,7 @@ def axes_apart(first: tuple[Body, np.ndarray], second: tuple[Body, np.ndarray]) 
     return min(angles, key=np.mean)
 
 
-def _shared_places(
+def shared_places(
     first: tuple[Body, np.ndarray], second: tuple[Body, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Places of the trunk's receptors that both bodies know."""
