@@ -92,6 +92,27 @@ def with_more_points(
     return replace(tree, toucher=toucher), wider, expected(wider, known, rounds=4)
 
 
+def for_all(scene: Scene, solution: Solution) -> Solution:
+    """The solution for other touches of a body whose hands have many points.
+
+    Kernels begin where they are known to be: of many points of several hands some place fits any.
+
+    Args:
+        scene: the other touches.
+        solution: of some.
+    """
+    begun = started(scene, solution.twists, solution.points)
+    met = np.isfinite(solution.place).all(axis=1)[:, None]
+    known = replace(
+        begun,
+        place=np.where(met, solution.place, begun.place),
+        normal=np.where(met, solution.normal, begun.normal),
+        sigma=solution.sigma,
+        frequency=solution.frequency,
+    )
+    return expected(scene, known)
+
+
 def _touching(scene: Scene, solution: Solution, hand: list[int]) -> np.ndarray:
     """`(n, 3)` where in a hand its touches of all parts were, but for those far away."""
     clouds = []

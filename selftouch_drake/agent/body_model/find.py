@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.body_model import few, grow, structure
 from selftouch_drake.agent.body_model.alike import Alike
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
-from selftouch_drake.agent.body_model.blunt import with_more_points
+from selftouch_drake.agent.body_model.blunt import for_all, with_more_points
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.density import limbs
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
@@ -576,9 +576,10 @@ def _finished_tree(
         # Nothing of a tree of points was chosen by held-out touches: all of them judge it.
         tests = whole.some(np.flatnonzero(purpose > 0))
     verdicts = judge_parts(scene, tests, solution)
-    final = carried_over(whole, solution)
-    if alike is not None:
-        final = alike.without_misplaced(whole, final)
+    if alike is None:
+        final = carried_over(whole, solution)
+    else:
+        final = alike.without_misplaced(whole, for_all(whole, solution))
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,

@@ -133,18 +133,11 @@ def carried_over(scene: Scene, solution: Solution) -> Solution:
         scene: the other touches.
         solution: of some.
     """
-    begun = started(scene, solution.twists, solution.points)
-    met = np.isfinite(solution.place).all(axis=1)[:, None]
-    known = replace(
-        begun,
-        place=np.where(met, solution.place, begun.place),
-        normal=np.where(met, solution.normal, begun.normal),
-        sigma=solution.sigma,
-        frequency=solution.frequency,
-        sizes=solution.sizes,
-    )
-    carried = expected(scene, known)
-    return carried if solution.sizes is None else with_skin_of_now(scene, carried)
+    points = started(scene, solution.twists, solution.points)
+    if solution.sizes is None:
+        return expected(scene, points, rounds=2)
+    points = expected(scene, replace(points, sizes=solution.sizes), rounds=2)
+    return with_skin_of_now(scene, points)
 
 
 def log_distances(tests: Scene, solution: Solution) -> np.ndarray:
