@@ -79,19 +79,20 @@ class Alike:
     def mended(self, scene: Scene, solution: Solution) -> Solution:
         """A solution whose misplaced kernels begin anew where others feel like them."""
         for _ in range(_ROUNDS):
-            wrong = self.misplaced(solution.place)[:, None]
+            wrong, middle = self._wrong(solution.place)
             if not wrong.any():
                 break
-            middle = self.among(np.where(wrong, np.nan, solution.place))[0]
             place = np.where(wrong & np.isfinite(middle), middle, solution.place)
             solution = expected(scene, replace(solution, place=place))
         return solution
 
     def without_misplaced(self, scene: Scene, solution: Solution) -> Solution:
         """A solution whose misplaced kernels lie where others feel like them, by no touch."""
-        wrong = self.misplaced(solution.place)
-        middle = self.among(np.where(wrong[:, None], np.nan, solution.place))[0]
-        share = np.where(wrong[scene.target][:, None], 0.0, solution.share)
-        return replace(
-            solution, share=share, place=np.where(wrong[:, None], middle, solution.place)
-        )
+        wrong, middle = self._wrong(solution.place)
+        share = np.where(wrong[scene.target], 0.0, solution.share)
+        return replace(solution, share=share, place=np.where(wrong, middle, solution.place))
+
+    def _wrong(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(K, 1)` bool, misplaced kernels, and `(K, 3)` the middle of the others like each."""
+        wrong = self.misplaced(place)[:, None]
+        return wrong, self.among(np.where(wrong, np.nan, place))[0]

@@ -9,11 +9,7 @@ from scipy.cluster.vq import kmeans2
 from selftouch_drake.agent.body_model.fit import Way
 from selftouch_drake.agent.body_model.forest import dense_rows, explained
 from selftouch_drake.agent.body_model.refine import refined
-from selftouch_drake.agent.body_model.scene import (
-    BLUNT,
-    Scene,
-    Solution,
-)
+from selftouch_drake.agent.body_model.scene import BLUNT, Scene, Solution
 from selftouch_drake.agent.body_model.structure import Search, neighbours_swapped
 from selftouch_drake.agent.body_model.touchers import in_hand
 from selftouch_drake.agent.body_model.tree import Tree
@@ -86,9 +82,7 @@ def with_more_points(
     even = np.zeros_like(begun.frequency)
     for part in wider.parts:
         even[part, wider.touchers(part)] = _OF_HANDS / len(wider.touchers(part))
-    known = replace(
-        begun, place=solution.place, normal=solution.normal, sigma=solution.sigma, frequency=even
-    )
+    known = replace(_known(begun, solution), frequency=even)
     return replace(tree, toucher=toucher), wider, expected(wider, known, rounds=4)
 
 
@@ -102,15 +96,18 @@ def for_all(scene: Scene, solution: Solution) -> Solution:
         solution: of some.
     """
     begun = started(scene, solution.twists, solution.points)
+    return expected(scene, replace(_known(begun, solution), frequency=solution.frequency))
+
+
+def _known(begun: Solution, solution: Solution) -> Solution:
+    """What began anew, with the places, normals and noise that a solution knows."""
     met = np.isfinite(solution.place).all(axis=1)[:, None]
-    known = replace(
+    return replace(
         begun,
         place=np.where(met, solution.place, begun.place),
         normal=np.where(met, solution.normal, begun.normal),
         sigma=solution.sigma,
-        frequency=solution.frequency,
     )
-    return expected(scene, known)
 
 
 def _touching(scene: Scene, solution: Solution, hand: list[int]) -> np.ndarray:

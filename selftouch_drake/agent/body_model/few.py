@@ -6,6 +6,7 @@ no unit that is known; but few touches say more if all joints turn alike by what
 whether they do, touches tell.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +107,7 @@ def found_by_sensation(
     group = Smooth(used[some], sensed.some(some).precision(SEARCHED_NOISE))
     labels = neighbourhoods(sensed, search.random)
     best: tuple[list[int], SmoothChain, np.ndarray | None, Judgement] | None = None
-    populations = structure.POPULATIONS * -(-_MANY // min(len(q), _MANY))
+    populations = structure.POPULATIONS * math.ceil(_MANY / len(q))
     for body in structure.found_chains(search, group, joints, populations=populations):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
