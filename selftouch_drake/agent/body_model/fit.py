@@ -68,10 +68,14 @@ class Smooth:
     Attributes:
         rows: `(N,)` indices of touches.
         precision: `(N, N)` of their places, with the mean taken out.
+        alike: `(J,)` how far the readings turn joints, if all turn alike but for one factor, and
+            none slides along its axis; NaN for joints that turn as far as they may. None: each
+            twist is free.
     """
 
     rows: np.ndarray
     precision: np.ndarray
+    alike: np.ndarray | None = None
 
     def draw(self, q: np.ndarray, how: "Descent") -> Draws:
         """All of them at each step."""
@@ -85,6 +89,7 @@ class Smooth:
             np.int64(1),
             np.ones(1),
             np.ascontiguousarray(self.precision),
+            alike=np.zeros(0) if self.alike is None else np.nan_to_num(self.alike, nan=0.0),
         )
 
 

@@ -56,6 +56,9 @@ class Draws(NamedTuple):
         precision: `(N, N)` of places that are a smooth function of sensations, with the mean taken
             out: it takes the place of kernels, for a single group; `(0, 0)` for kernels.
         fixed: `(F,)` joints whose twists stay as they are; where there are any, points do too.
+        alike: `(J,)` how far the readings turn joints, all alike but for one factor, and none of
+            them slides along its axis; 0 for joints that turn as far as they may. `(0,)`: each
+            twist is free.
     """
 
     q: np.ndarray
@@ -65,6 +68,7 @@ class Draws(NamedTuple):
     weight: np.ndarray
     precision: np.ndarray
     fixed: np.ndarray = np.zeros(0, dtype=np.int64)
+    alike: np.ndarray = np.zeros(0)
 
 
 class _Room(NamedTuple):
@@ -165,6 +169,59 @@ def _adam(value, slope, moments, rate, step):
         value[i] -= rate * (mean[i] / c1) / (math.sqrt(square[i] / c2) + _TINY)
 
 
+@inner
+def _dot(a, b):
+    """Of two vectors in space."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inner
+def _hold(twists, joints, alike):
+    """Takes the pitch out of `(J, 6)` twists, and lets joints turn alike."""
+    total, number = 0.0, 0
+    for joint in joints:
+        w, v = twists[joint, :3], twists[joint, 3:]
+        square = _dot(w, w) + _TINY
+        pitch = _dot(w, v) / square
+        for axis in range(3):
+            v[axis] -= pitch * w[axis]
+        if alike[joint] > 0:
+            total += 0.5 * math.log(square) - math.log(alike[joint])
+            number += 1
+    for joint in joints:
+        if alike[joint] > 0:
+            w = twists[joint, :3]
+            farther = math.exp(total / number) * alike[joint] / math.sqrt(_dot(w, w) + _TINY)
+            for axis in range(3):
+                w[axis] *= farther
+
+
+@inner
+def _hold_slopes(by_twist, twists, joints, alike):
+    """Leaves of the `(J, 6)` slopes what twists that are held may follow."""
+    total, number = 0.0, 0
+    for joint in joints:
+        w, v, by_w, by_v = (
+            twists[joint, :3], twists[joint, 3:], by_twist[joint, :3], by_twist[joint, 3:]
+        )  # fmt: skip
+        square = _dot(w, w) + _TINY
+        if alike[joint] > 0:
+            total += _dot(by_w, w)
+            number += 1
+        # A turn of the axis takes the pitch out of v.
+        along = _dot(by_v, w) / square
+        for axis in range(3):
+            by_v[axis] -= along * w[axis]
+            by_w[axis] -= along * v[axis]
+    for joint in joints:
+        if alike[joint] > 0:
+            w, by_w = twists[joint, :3], by_twist[joint, :3]
+            square = _dot(w, w) + _TINY
+            farther = (total / number - _dot(by_w, w)) / square
+            for axis in range(3):
+                by_w[axis] += farther * w[axis]
+
+
 @compiled
 def descend(draws, ways, twists, points, rate, tail):
     """Adam with cosine decay, each member for itself, all on the same draws.
@@ -197,6 +254,8 @@ def descend(draws, ways, twists, points, rate, tail):
         now = rate * 0.5 * (1 + math.cos(math.pi * step / steps))
         _read(room, draws.q, draws.rows[step])
         for b in range(num_members):
+            if len(draws.alike) > 0:
+                _hold(twists[b], ways.joint[b, 0, : ways.length[b, 0]], draws.alike)
             by_twist[:] = 0
             by_point[:] = 0
             for group in range(num_groups):
@@ -226,6 +285,9 @@ def descend(draws, ways, twists, points, rate, tail):
             if len(draws.fixed) > 0:
                 by_twist[draws.fixed] = 0
                 by_point[:] = 0
+            if len(draws.alike) > 0:
+                way_0 = ways.joint[b, 0, : ways.length[b, 0]]
+                _hold_slopes(by_twist, twists[b], way_0, draws.alike)
             if rate > 0:
                 _adam(twists[b].ravel(), by_twist.ravel(), moments[b], now, step)
                 _adam(points[b].ravel(), by_point.ravel(), point_moments[b], now, step)

@@ -37,8 +37,10 @@ _POPULATION, _ROUNDS, _RELATIVES = 64, 5, 3
 _LARGER, _LARGE = 3, 256
 # Share of a population that stays, and that is bred from it; the rest is drawn anew.
 _STAY, _BRED = 0.25, 0.5
-# Neighbours of a chain are tried so often at most, from so many chains of the population.
-_MOST_PASSES, _CHAINS = 10, 2
+# Neighbours of a chain are tried so often at most.
+_MOST_PASSES = 10
+#: Chains of a population from which neighbours are tried.
+CHAINS = 2
 #: Populations that a search makes, if none of their chains is good.
 POPULATIONS = 2
 # A neighbour is taken if its criterion is better by this much; each further joint must earn more.
@@ -141,7 +143,12 @@ def joints_that_hold(statistic: np.ndarray, noise: float) -> list[int]:
 
 
 def population(
-    search: Search, group: Group | Smooth, joints: Sequence[int], *, rounds: int = _ROUNDS
+    search: Search,
+    group: Group | Smooth,
+    joints: Sequence[int],
+    *,
+    rounds: int = _ROUNDS,
+    chains: int = CHAINS,
 ) -> Bodies:
     """Bodies of the best few orders that a population finds, best first.
 
@@ -150,6 +157,7 @@ def population(
         group: touches of one toucher on one part.
         joints: all of them are in each chain.
         rounds: generations.
+        chains: how many bodies, of different orders.
     """
     random = search.random
     how = Descent(steps=250, tail=_SEARCH_TAIL)
@@ -178,7 +186,7 @@ def population(
         bodies = Bodies.joined([bodies.pick(stay), children, fresh(number)])
         ancestor = np.concatenate([ancestor[stay], ancestor[bred], born + np.arange(number)])
         born += number
-    return bodies.pick(_best_of_families(bodies, ancestor, _CHAINS, relatives=1))
+    return bodies.pick(_best_of_families(bodies, ancestor, chains, relatives=1))
 
 
 def _agreed(bodies: Bodies, ancestor: np.ndarray) -> bool:
@@ -327,21 +335,23 @@ def found_chains(
     joints: Sequence[int],
     *,
     populations: int = POPULATIONS,
+    chains: int = CHAINS,
 ) -> Iterator[Bodies]:
     """One body after another: chains of a population, led on by their neighbours, and polished.
 
-    Whoever asks stops when one is good. Each two come from a population of their own.
+    Whoever asks stops when one is good.
 
     Args:
         search: what to work on.
         group: touches of one toucher on one part.
         joints: that may matter.
         populations: at most.
+        chains: that are led on, of each population.
     """
     for _ in range(populations):
-        chains = population(search, group, joints)
-        for number in range(min(_CHAINS, len(chains))):
-            body = improved(search, group, chains.pick([number]), joints)
+        found = population(search, group, joints, chains=chains)
+        for number in range(len(found)):
+            body = improved(search, group, found.pick([number]), joints)
             yield polished(search, group, pruned(search, group, body))
 
 

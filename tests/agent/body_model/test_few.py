@@ -9,7 +9,14 @@ from hand_made_chains import an_arm, misfit, sample
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.few import turning_alike
 from selftouch_drake.agent.body_model.find import find_body_model
-from selftouch_drake.agent.body_model.fit import Descent, Smooth, descended, random_bodies
+from selftouch_drake.agent.body_model.fit import (
+    Bodies,
+    Descent,
+    Smooth,
+    chain_way,
+    descended,
+    random_bodies,
+)
 from selftouch_drake.agent.body_model.model import JointKind
 from selftouch_drake.agent.body_model.smoothness import (
     Sensed,
@@ -86,6 +93,28 @@ def test_the_compiled_search_has_the_same_criterion_and_goes_down():
             slopes[joint, entry] = (values[0] - values[1]) / 2e-5
     steep = np.abs(slopes) > 1e-2 * np.abs(slopes).max()
     assert np.array_equal(np.sign(slopes[steep]), signs[steep])
+
+
+def test_a_search_that_holds_twists_ends_where_the_finish_does():
+    q, sensation, _, _ = sample(100)
+    scale = q.std(axis=0)
+    standard = (q - q.mean(axis=0)) / scale
+    single = np.ascontiguousarray(standard.T.astype(np.float32))
+    precision = Sensed.of(sensation).precision()
+    arm, point = an_arm()
+    twists = arm * scale[:, None] + 0.1 * np.random.default_rng(4).standard_normal(arm.shape)
+    way = chain_way(range(4))
+    body = Bodies([[way]], twists[None], point[None, None], np.full((1, 1), np.inf))
+    begin = SmoothChain(twists, point, np.inf)
+    for unit in (scale, np.r_[scale[:3], np.nan], np.full(4, np.nan)):
+        group = Smooth(np.arange(len(q)), precision, unit)
+        ended = descended(single, [group], body, Descent(steps=1500, tail=0.0), 0)
+        expected = finished(standard, precision, begin, unit=unit)
+        assert ended.loss[0, 0] == pytest.approx(expected.criterion, abs=0.02)
+        w, v = ended.twists[0, :, :3], ended.twists[0, :, 3:]
+        assert np.abs((w * v).sum(axis=1)).max() < 1e-3
+        far = (np.linalg.norm(w, axis=1) / unit)[np.isfinite(unit)]
+        assert np.abs(np.diff(np.log(far))).max(initial=0) < 1e-3
 
 
 def test_the_finish_is_no_screw_and_holds_what_slides():
