@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.asking import kernel_of_rows
+from selftouch_drake.agent.body_model.hands import Hand
 from selftouch_drake.agent.body_model.lift import Lifter, SkinWay
 from selftouch_drake.agent.body_model.model import BodyModel
 from selftouch_drake.agent.body_model.own_parts import OwnParts
@@ -41,6 +42,9 @@ _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
 # more counts as so many mu longer.
 _MISSED, _WORSE = 0.1, 200.0
+# Rounds in which a hand of several points settles in the skin, and how much higher than in touches
+# in like poses it may be, in distances of kernels.
+_SETTLED, _HIGH = 3, 0.1
 # A rough motion that is farther from it is not made smooth: it stays as far.
 _HOPELESS = 0.5
 # Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
@@ -136,6 +140,7 @@ class Imagination:
         self._kernel = kernel_of_rows(representation)
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._roadmaps: dict[int, Roadmap] = {}
+        self._known_hands: dict[tuple[int, int], Hand | None] = {}
 
     def plan(
         self,
@@ -233,11 +238,13 @@ class Imagination:
         part = self.model.kernel_part[goal]
         skins = [skin for skin in skins if skin.reach.part == part]
         touching = [skin for skin in skins if here is not None and skin.touches(x)]
-        best = _best([self._slide(skin, x, goal) for skin in touching])
+        best = _best([self._slide_of_one(hand, x, goal) for hand in self._by_hand(touching)])
         if best is not None and best.good:
             return [best]
         ways = [] if best is None else [[best]]
-        for skin in skins:
+        for hand in self._by_hand(skins):
+            # Of a hand's points the one that knows the goal best.
+            skin = max(hand, key=lambda one: len(self._ends(one.surface, goal)))
             ends = self._ends(skin.surface, goal)
             if not len(ends):
                 continue
@@ -253,6 +260,22 @@ class Imagination:
                     ways.append([*landing, best])
                     break
         return min(ways, key=lambda legs: sum(leg.cost for leg in legs), default=None)
+
+    def _by_hand(self, skins: Sequence[Lifter]) -> list[list[Lifter]]:
+        """The points of each hand together."""
+        of_toucher, hands = self.model.hand_of_toucher, dict[int, list[Lifter]]()
+        for skin in skins:
+            hands.setdefault(int(of_toucher[skin.reach.toucher]), []).append(skin)
+        return list(hands.values())
+
+    def _slide_of_one(self, hand: Sequence[Lifter], x: np.ndarray, goal: int) -> Leg | None:
+        """The first good motion of a point of a hand, the deepest first, else the best one."""
+        legs = list[Leg | None]()
+        for skin in sorted(hand, key=lambda one: one.above(x)):
+            legs.append(self._slide(skin, x, goal))
+            if legs[-1] is not None and legs[-1].good:
+                break
+        return _best(legs)
 
     def _landing(
         self, skin: Lifter, x: np.ndarray, here: int | None, rows: np.ndarray, *, holding: bool
@@ -301,6 +324,9 @@ class Imagination:
         ends = self._ends(surface, goal)
         if not len(ends):
             return None
+        hand = self._hand(skin)
+        if hand is not None:
+            return self._slide_of_hand(hand, skin, x, ends, goal)
         start = surface.projected(skin.centres(x[None]))[0][0]
         place = surface.way(start, self._goal_place(surface, ends, goal), _KNOTS)
         if place is None:
@@ -322,6 +348,42 @@ class Imagination:
             if about is not None and about.cost < best.cost:
                 return about
         return best
+
+    def _slide_of_hand(
+        self, hand: Hand, skin: Lifter, x: np.ndarray, ends: np.ndarray, goal: int
+    ) -> Leg | None:
+        """As `_slide`, by one point of a hand of several: to postures in which the goal was felt.
+
+        On the way the hand settles in the skin as in touches in like poses.
+        """
+        surface, spacing = skin.surface, skin.surface.spacing
+        lived = self._x(surface.row[ends])
+        nearest = np.argsort(np.linalg.norm(lived - x, axis=1), kind="stable")[:_TRIED]
+        first = surface.projected(skin.centres(x[None]))[0][0]
+        found = list[Leg]()
+        for end in nearest.tolist():
+            place = surface.way(first, surface.place[ends[end]], _KNOTS)
+            if place is None:
+                continue
+            way = skin.over(place)
+            rough = skin.blended(x, lived[end][None], way)[0]
+            rough[-1] = lived[end]
+            smooth = skin.smoothed(rough, way, held=True)
+            for _ in range(_SETTLED):
+                way = way.higher(-spacing * hand.above(smooth)[0])
+                smooth = skin.smoothed(smooth, way, held=True)
+            if self._excess(smooth).max() > -_NEAR:
+                smooth = skin.smoothed(smooth, way, self.own_parts, held=True)
+            high, above_deep = hand.above(dense(smooth)[_BEGUN * _BETWEEN :])
+            leg = replace(
+                self._leg(skin, smooth, way, goal),
+                error=max(0.0, high.max() - _HIGH),
+                deep=max(self._deep(smooth), -above_deep.min()),
+            )
+            if leg.good:
+                return leg
+            found.append(leg)
+        return min(found, key=lambda leg: leg.cost, default=None)
 
     def _best_smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> list[Leg]:
         """Some of `(n, T, J)` rough motions made smooth, the best first."""
@@ -391,6 +453,24 @@ class Imagination:
         lower, upper = (self.representation.scaled(limit) for limit in self._range)
         scale = self.representation.joint_scale
         return Lifter(surface=surface, scale=scale, lower=lower, upper=upper)
+
+    def _hand(self, skin: Lifter) -> Hand | None:
+        """The hand of a toucher on a part, if it has several points there."""
+        of_toucher, part = self.model.hand_of_toucher, skin.reach.part
+        hand = int(of_toucher[skin.reach.toucher])
+        if (part, hand) not in self._known_hands:
+            own = [
+                surface
+                for surface in self.surfaces
+                if surface.reach.part == part and of_toucher[surface.reach.toucher] == hand
+            ]
+            found = None
+            if len(own) > 1:
+                rows = np.sort(np.concatenate([surface.row for surface in own]))
+                strength = self.representation.kernel_strength[rows]
+                found = Hand([self._lifter(surface) for surface in own], self._x(rows), strength)
+            self._known_hands[part, hand] = found
+        return self._known_hands[part, hand]
 
     def _roadmap(self, surface: TouchedSurface) -> Roadmap:
         """The roadmap of a surface, made when it is first needed."""

@@ -1,6 +1,6 @@
 """From a way over the skin to a motion of the joints: inverse kinematics, smooth as a whole."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -47,6 +47,10 @@ class SkinWay:
     normal: np.ndarray
     across: float
     along: float
+
+    def higher(self, by: np.ndarray) -> "SkinWay":
+        """The way, `(T,)` higher above the skin."""
+        return replace(self, place=self.place + by[:, None] * self.normal)
 
     def weight(self) -> np.ndarray:
         """`(T, 3, 3)` roots of the weights of errors of the place."""
@@ -99,10 +103,17 @@ class Lifter:
 
     def presses(self, x: np.ndarray) -> bool:
         """Whether the toucher is as deep as in touches, in a posture `(J,)`."""
+        return self.touches(x) and self.above(x) < _HIGH
+
+    def above(self, x: np.ndarray) -> float:
+        """How much higher than in firm touches the toucher is, in distances of kernels.
+
+        Args:
+            x: `(J,)` scaled posture.
+        """
         at = self.centres(x[None])
         on_it, normal = self.surface.projected(at)
-        above = float((at - on_it)[0] @ normal[0])
-        return self.touches(x) and above < _HIGH * self.surface.spacing
+        return float((at - on_it)[0] @ normal[0]) / self.surface.spacing
 
     def places(self, x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""
@@ -152,7 +163,12 @@ class Lifter:
         return np.concatenate([x_start[None], q * self.scale])
 
     def smoothed(
-        self, x: np.ndarray, way: SkinWay, own_parts: OwnParts | None = None
+        self,
+        x: np.ndarray,
+        way: SkinWay,
+        own_parts: OwnParts | None = None,
+        *,
+        held: bool = False,
     ) -> np.ndarray:
         """`(T, J)` a motion like `(T, J)` x, as smooth and short as tolerances allow.
 
@@ -162,6 +178,7 @@ class Lifter:
             x: the motion.
             way: over the skin.
             own_parts: they are driven apart where they are too near to their limits.
+            held: whether the last posture stays as well.
         """
         x, joints = x.copy(), self.reach.joints
         num, length = len(x), len(joints)
@@ -190,13 +207,14 @@ class Lifter:
         cost, pull, square = state(x)
         for _ in range(_SMOOTHED):
             system = with_blocks(bands, square)
-            # The first posture is given: its columns leave the system.
-            step = -solveh_banded(system[:, length:], pull[1:].ravel(), lower=True)
-            step = step.reshape(num - 1, length)
+            # What is given leaves the system: the first posture, and the last if it is held.
+            free = slice(1, num - held)
+            own = system[:, length * free.start : length * free.stop]
+            step = -solveh_banded(own, pull[free].ravel(), lower=True).reshape(-1, length)
             step *= min(1.0, _MOST / max(np.abs(step).max(), 1e-12))
             for _ in range(_HALVED):
                 trial = x.copy()
-                trial[1:, joints] = np.clip(x[1:, joints] + step, lower, upper)
+                trial[free, joints] = np.clip(x[free, joints] + step, lower, upper)
                 found = state(trial)
                 if found[0] < cost:
                     break

@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 
 from selftouch_drake.agent.body_model.chain import exponentials
+from selftouch_drake.agent.body_model.scene import BLUNT
 from selftouch_drake.agent.body_model.support import (
     beside,
     blended_normals,
@@ -238,6 +239,16 @@ class BodyModel(Record):
     def used(self) -> np.ndarray:
         """`(J,)` bool, joints that matter somewhere."""
         return self.joint_parent != UNUSED
+
+    @property
+    def hand_of_toucher(self) -> np.ndarray:
+        """`(U,)` the hand that each toucher is of, by number.
+
+        Three points of one link or more are one hand, which is no point; each other is its own.
+        """
+        _, of_link, number = np.unique(self.toucher_link, return_inverse=True, return_counts=True)
+        own = np.where(number[of_link] < BLUNT, -1 - np.arange(len(of_link)), of_link)
+        return np.unique(own, return_inverse=True)[1]
 
     def chain(self, link: int) -> list[int]:
         """The joints from the base to a link, the first one first; none for `BASE`."""

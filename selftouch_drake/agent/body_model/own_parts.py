@@ -125,11 +125,13 @@ class OwnParts:
             known = best.get(surface.reach.part)
             if known is None or len(surface.node) > len(known.node):
                 best[surface.reach.part] = surface
-        touchers = sorted({surface.reach.toucher for surface in surfaces})
+        touchers = np.unique([surface.reach.toucher for surface in surfaces])
+        of_hand = model.hand_of_toucher[touchers]
+        hands = [touchers[of_hand == hand] for hand in np.unique(of_hand)]
         movers = [_balls(model, surface) for surface in best.values()]
         movers += [_toucher(model, number) for number in touchers]
         solids = [_solid(model, part, surface) for part, surface in best.items()]
-        solids += [_round(model, number, surfaces) for number in touchers]
+        solids += [_round(model, hand, surfaces) for hand in hands]
         q = representation.kernel_q
         poses = model.link_poses(q[:: max(1, len(q) // _PAST)].astype(float))
         meetings = _met(poses, _meetings(model, movers, solids), solids)
@@ -273,10 +275,10 @@ def _solid(model: BodyModel, part: int, surface: TouchedSurface) -> Solid:
     )
 
 
-def _round(model: BodyModel, toucher: int, surfaces: list[TouchedSurface]) -> Solid:
-    """The field of depths of a toucher: a ball whose surface is its centre, in some directions."""
-    spacing = max(s.spacing for s in surfaces if s.reach.toucher == toucher)
-    centre = model.toucher_place[toucher]
+def _round(model: BodyModel, hand: np.ndarray, surfaces: list[TouchedSurface]) -> Solid:
+    """The field of depths of a hand: balls whose surfaces are their centres, in some directions."""
+    spacing = max(s.spacing for s in surfaces if s.reach.toucher in hand)
+    centre = model.toucher_place[hand]
     # Directions spread evenly (a Fibonacci sphere).
     number = np.arange(_DIRECTIONS) + 0.5
     up = 1.0 - 2.0 * number / _DIRECTIONS
@@ -284,19 +286,22 @@ def _round(model: BodyModel, toucher: int, surfaces: list[TouchedSurface]) -> So
     flat = np.sqrt(1.0 - up**2)
     direction = np.stack([np.cos(turn) * flat, np.sin(turn) * flat, up], axis=1)
     half = round(_FAR / _CELL)
-    sides = np.full(3, 2 * half + 1)
     cell = _CELL * spacing
+    corner = centre.min(axis=0) - half * cell
+    sides = np.ceil(np.ptp(centre, axis=0) / cell).astype(int) + 2 * half + 1
     at = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
-    away = cell * (at - half)
+    at = corner + cell * at
+    height, nearest = cKDTree(centre).query(at)
+    towards = ((at - centre[nearest]) @ direction.T).argmax(axis=1)
     return Solid(
-        link=int(model.toucher_link[toucher]),
+        link=int(model.toucher_link[hand[0]]),
         spacing=spacing,
-        corner=centre - half * cell,
+        corner=corner,
         cell=cell,
         sides=sides,
-        height=np.linalg.norm(away, axis=1),
-        kernel=(away @ direction.T).argmax(axis=1),
-        place=centre + spacing * direction,
+        height=height,
+        kernel=_DIRECTIONS * nearest + towards,
+        place=(centre[:, None] + spacing * direction).reshape(-1, 3),
         unknown=_UNKNOWN_TOUCHER,
     )
 
