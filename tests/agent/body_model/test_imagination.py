@@ -12,6 +12,7 @@ from selftouch_drake.agent.body_model import own_parts
 from selftouch_drake.agent.body_model.chain import derivatives, slopes
 from selftouch_drake.agent.body_model.imagination import Imagination, Leg
 from selftouch_drake.agent.body_model.lift import Lifter
+from selftouch_drake.agent.body_model.model import independent
 from selftouch_drake.agent.body_model.own_parts import OwnParts
 from selftouch_drake.agent.body_model.reach import Reach
 from selftouch_drake.agent.body_model.roadmap import Roadmap
@@ -386,6 +387,61 @@ def lifter_of(surface, representation):
         lower=np.full(6, -50.0),
         upper=np.full(6, 50.0),
     )
+
+
+def with_touchers(model, link):
+    """A model whose toucher is several, each on a link and at the place of the first."""
+    number = len(link)
+    touched = np.arange(len(model.kernel_toucher)) % number
+    return dataclasses.replace(
+        model,
+        toucher_link=np.array(link),
+        toucher_place=np.repeat(model.toucher_place, number, axis=0),
+        toucher_shape=np.repeat(model.toucher_shape, number, axis=0),
+        kernel_toucher=np.where(model.kernel_toucher < 0, -1, touched),
+        covariance=independent(model.twist_sigma, number),
+    )
+
+
+def hand_of_three(cube):
+    """Imagination of a model whose fingertip is three points, each of a third of the touches."""
+    representation, model, sensation = cube
+    hand = with_touchers(model, [int(model.toucher_link[0])] * 3)
+    return Imagination(hand, representation, knot_spacing=KNOT_SPACING, kernel_sensation=sensation)
+
+
+def test_three_points_of_a_link_are_one_hand(cube):
+    _, model, _ = cube
+    hand = with_touchers(model, [4, 2, 5, 4, 5, 4]).hand_of_toucher
+    assert hand[0] == hand[3] == hand[5]
+    assert len(set(hand.tolist())) == 4
+
+
+def test_a_hand_ends_where_its_goal_was_felt_and_keeps_contact(cube, still):
+    representation, _, _ = cube
+    imagination = hand_of_three(cube)
+    for q, start, goal in starts(representation, 5):
+        plan = imagination.plan(q, start, [goal])
+        s = np.linspace(0.0, 1.0, 60) * plan.waypoint_s[-1]
+        if not plan.in_air.any():
+            assert still.feel(plan.path(s)).sensation.any(axis=1).mean() > 0.98
+        own = representation.kernel_q[representation.members(goal)]
+        assert np.abs(own - plan.path(s[-1:])).max(axis=1).min() < 1e-3
+
+
+def test_a_hand_is_as_high_as_in_touches_in_like_poses(cube):
+    representation, _, _ = cube
+    imagination = hand_of_three(cube)
+    skin = imagination._lifter(imagination.surfaces[0])
+    hand = imagination._hand(skin)
+    x = representation.scaled(representation.kernel_q[::50]).astype(float)
+    high, above_deep = hand.above(x)
+    assert np.abs(np.median(high)) < 0.1
+    assert above_deep.mean() > 0.0
+    at, normal = skin.surface.projected(skin.centres(x))
+    deeper = hand.above(skin.put(x, at - 0.5 * skin.surface.spacing * normal, normal))
+    assert np.median(deeper[0]) < -0.3
+    assert np.median(deeper[1]) < 0.0
 
 
 def test_without_kernels_that_are_known_there_is_no_surface(cube):
