@@ -77,6 +77,7 @@ class Leg:
         deep: how much deeper than ever own parts are in each other on it, in distances of kernels;
             0 if they are not.
         beside: whether something else is pressed at its end.
+        by_hand: whether a hand of several points slides, which is known but roughly.
     """
 
     x: np.ndarray
@@ -85,6 +86,7 @@ class Leg:
     error: float = 0.0
     deep: float = 0.0
     beside: bool = False
+    by_hand: bool = False
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -93,13 +95,14 @@ class Leg:
             "contact may be lost": self.error > _MISSED,
             "own parts may run into each other": self.deep > 0.0,
             "something else may be felt beside the goal": self.beside,
+            "a hand that is no point may be too deep, or too high": self.by_hand,
         }
         return tuple(what for what, is_likely in may_be.items() if is_likely)
 
     @property
     def good(self) -> bool:
         """Whether it keeps contact, own parts apart and feels its goal, as the agent imagines."""
-        return not self.doubts
+        return self.error <= _MISSED and self.deep <= 0.0 and not self.beside
 
     @property
     def cost(self) -> float:
@@ -379,6 +382,7 @@ class Imagination:
                 self._leg(skin, smooth, way, goal),
                 error=max(0.0, high.max() - _HIGH),
                 deep=max(self._deep(smooth), -above_deep.min()),
+                by_hand=True,
             )
             if leg.good:
                 return leg

@@ -424,6 +424,7 @@ def test_a_hand_ends_where_its_goal_was_felt_and_keeps_contact(cube, still):
         plan = imagination.plan(q, start, [goal])
         s = np.linspace(0.0, 1.0, 60) * plan.waypoint_s[-1]
         if not plan.in_air.any():
+            assert "a hand that is no point may be too deep, or too high" in plan.doubts
             assert still.feel(plan.path(s)).sensation.any(axis=1).mean() > 0.98
         own = representation.kernel_q[representation.members(goal)]
         assert np.abs(own - plan.path(s[-1:])).max(axis=1).min() < 1e-3
