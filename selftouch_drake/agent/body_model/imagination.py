@@ -241,11 +241,11 @@ class Imagination:
         part = self.model.kernel_part[goal]
         skins = [skin for skin in skins if skin.reach.part == part]
         touching = [skin for skin in skins if here is not None and skin.touches(x)]
-        best = _best([self._slide_of_one(hand, x, goal) for hand in self._by_hand(touching)])
+        best = _best([self._slide_of_one(hand, x, goal) for hand in self._of_each_hand(touching)])
         if best is not None and best.good:
             return [best]
         ways = [] if best is None else [[best]]
-        for hand in self._by_hand(skins):
+        for hand in self._of_each_hand(skins):
             # Of a hand's points the one that knows the goal best.
             skin = max(hand, key=lambda one: len(self._ends(one.surface, goal)))
             ends = self._ends(skin.surface, goal)
@@ -264,7 +264,7 @@ class Imagination:
                     break
         return min(ways, key=lambda legs: sum(leg.cost for leg in legs), default=None)
 
-    def _by_hand(self, skins: Sequence[Lifter]) -> list[list[Lifter]]:
+    def _of_each_hand(self, skins: Sequence[Lifter]) -> list[list[Lifter]]:
         """The points of each hand together."""
         of_toucher, hands = self.model.hand_of_toucher, dict[int, list[Lifter]]()
         for skin in skins:
@@ -373,7 +373,7 @@ class Imagination:
             rough[-1] = lived[end]
             smooth = skin.smoothed(rough, way, held=True)
             for _ in range(_SETTLED):
-                way = way.higher(-spacing * hand.above(smooth)[0])
+                way = way.higher(-spacing * (hand.above(smooth)[0] + skin.pressure))
                 smooth = skin.smoothed(smooth, way, held=True)
             if self._excess(smooth).max() > -_NEAR:
                 smooth = skin.smoothed(smooth, way, self.own_parts, held=True)
@@ -381,7 +381,7 @@ class Imagination:
             leg = replace(
                 self._leg(skin, smooth, way, goal),
                 error=max(0.0, high.max() - _HIGH),
-                deep=max(self._deep(smooth), -above_deep.min()),
+                deep=max(self._deep(smooth), -above_deep.min() - skin.pressure),
                 by_hand=True,
             )
             if leg.good:

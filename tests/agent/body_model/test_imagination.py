@@ -430,6 +430,17 @@ def test_a_hand_ends_where_its_goal_was_felt_and_keeps_contact(cube, still):
         assert np.abs(own - plan.path(s[-1:])).max(axis=1).min() < 1e-3
 
 
+def test_a_hand_is_pressed_as_deep_as_it_is_asked_to(cube):
+    representation, _, _ = cube
+    imagination = hand_of_three(cube)
+    hand = imagination._hand(imagination._lifter(imagination.surfaces[0]))
+    for q, start, goal in starts(representation, 3):
+        for pressure in (0.0, 0.1):
+            plan = imagination.plan(q, start, [goal], pressure=pressure)
+            x = representation.scaled(plan.path(np.linspace(0.3, 0.8, 30) * plan.waypoint_s[-1]))
+            np.testing.assert_allclose(hand.above(x)[0].mean(), -pressure, atol=0.03)
+
+
 def test_a_hand_is_as_high_as_in_touches_in_like_poses(cube):
     representation, _, _ = cube
     imagination = hand_of_three(cube)
