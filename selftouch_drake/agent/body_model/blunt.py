@@ -25,9 +25,6 @@ _STEPS = 6
 # Touches by which orders are compared; by so much the criterion must fall, and touches that are
 # explained must not.
 _COMPARED, _BETTER = 4000, 0.03
-# Touches by which exchanges of joints in a whole tree are compared, and steps for each. Of 8,000
-# touches of two iCubs a true order was better by 0.05 and more, a wrong one worse by 0.07.
-_EXCHANGED, _EASED = 8000, 4
 # Share of touches that hands made, before touches say it.
 _OF_HANDS = 0.95
 
@@ -87,56 +84,6 @@ def with_more_points(
         even[part, wider.touchers(part)] = _OF_HANDS / len(wider.touchers(part))
     known = replace(_known(begun, solution), frequency=even)
     return replace(tree, toucher=toucher), wider, expected(wider, known, rounds=4)
-
-
-def in_best_order(
-    search: Search, tree: Tree, scene: Scene, solution: Solution
-) -> tuple[Tree, Scene, Solution]:
-    """Neighbours in a tree change places as long as that makes the kernels of all parts sharper.
-
-    The tree was found by few points of each hand. Axes that nearly meet, as those of a wrist, are
-    told apart by more of them.
-
-    Args:
-        search: what to work on.
-        tree: of the body.
-        scene: touches of all parts.
-        solution: of these.
-    """
-    rows = search.random.permutation(len(scene.q))[:_EXCHANGED]
-    some = scene.some(np.sort(rows))
-
-    def trial(other: Tree, begin: Solution) -> tuple[Tree, Solution, float, float]:
-        """With the criterion, and the share of touches that are no outliers."""
-        own = replace(some, ways=other.ways(list(some.ways)))
-        found = refined(own, started(own, begin.twists, begin.points), steps=_EASED)
-        return other, found, _mean_criterion(own, found), float(found.share.sum(axis=1).mean())
-
-    first = best = trial(tree, solution)
-    while True:
-        search.tick()
-        others = [other for joint in best[0].parent if (other := best[0].exchanged(joint))]
-        trials = [
-            one
-            for one in search.each(partial(trial, begin=best[1]), others)
-            if one[3] > best[3] - _BETTER
-        ]
-        sharpest = min([best, *trials], key=lambda one: one[2])
-        if sharpest[2] > best[2] - _BETTER:
-            break
-        best = sharpest
-    if best is first:
-        return tree, scene, solution
-    whole = replace(scene, ways=best[0].ways(list(scene.ways)))
-    known = replace(solution, twists=best[1].twists, points=best[1].points)
-    return best[0], whole, refined(whole, for_all(whole, known), tick=search.tick)
-
-
-def _mean_criterion(scene: Scene, solution: Solution) -> float:
-    """Of all touches: a part with few of them fits them in any order."""
-    touches = np.bincount(scene.part[scene.target], minlength=len(solution.criterion))
-    value = float(np.average(solution.criterion[scene.parts], weights=touches[scene.parts]))
-    return value if np.isfinite(value) else np.inf
 
 
 def for_all(scene: Scene, solution: Solution) -> Solution:

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.body_model import few, grow, structure
 from selftouch_drake.agent.body_model.alike import Alike
 from selftouch_drake.agent.body_model.assemble import Found, assembled, normalizing
-from selftouch_drake.agent.body_model.blunt import for_all, in_best_order, with_more_points
+from selftouch_drake.agent.body_model.blunt import for_all, with_more_points
 from selftouch_drake.agent.body_model.chain import adjoint
 from selftouch_drake.agent.body_model.density import limbs
 from selftouch_drake.agent.body_model.fit import Bodies, Each, Group
@@ -592,14 +592,10 @@ def _finished_tree(
 def _of_finer_hands(
     search: Search, alike: Alike, tree: Tree, scene: Scene, solution: Solution
 ) -> tuple[Tree, Scene, Solution]:
-    """The tree whose hands have more points, in the best order of its joints.
-
-    No kernel is far from those that feel like it.
-    """
+    """The tree whose hands have more points, and no kernel far from those that feel like it."""
     solution = alike.mended(scene, solution)
     tree, scene, solution = with_more_points(tree, scene, solution, _POINTS, search.random)
     solution = refined(scene, solution, tick=search.tick)
-    tree, scene, solution = in_best_order(search, tree, scene, solution)
     if alike.misplaced(solution.place).any():
         solution = refined(scene, alike.mended(scene, solution), tick=search.tick)
     return tree, scene, alike.without_misplaced(scene, solution)

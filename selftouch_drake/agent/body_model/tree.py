@@ -50,19 +50,6 @@ class Tree:
         """Ways of pairs of part and toucher."""
         return {(p, u): self.way(self.part[p], self.toucher[u]) for p, u in pairs}
 
-    def exchanged(self, joint: int) -> "Tree | None":
-        """With a joint before the one that carries it; None for the base, or if it carries more."""
-        above = self.parent[joint]
-        links = [*self.parent.values(), *self.part.values(), *self.toucher.values()]
-        if above == BASE or links.count(above) > 1:
-            return None
-
-        def carried(links: Mapping[int, int]) -> dict[int, int]:
-            return {key: above if link == joint else link for key, link in links.items()}
-
-        parent = {**carried(self.parent), joint: self.parent[above], above: joint}
-        return Tree(parent, carried(self.part), carried(self.toucher))
-
     def root_first(self) -> list[int]:
         """All joints, each after those that carry it."""
         return sorted(self.parent, key=lambda joint: len(self.above(joint)))

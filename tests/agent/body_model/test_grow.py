@@ -10,16 +10,10 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from selftouch_drake.agent.body_model import forest, grow
-from selftouch_drake.agent.body_model.blunt import (
-    in_best_order,
-    in_better_order,
-    spread,
-    with_more_points,
-)
+from selftouch_drake.agent.body_model.blunt import in_better_order, spread, with_more_points
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import telling_cores
 from selftouch_drake.agent.body_model.fit import Bodies, Group, chain_way
-from selftouch_drake.agent.body_model.refine import refined
 from selftouch_drake.agent.body_model.scene import Scene, neighbour_distance
 from selftouch_drake.agent.body_model.structure import Search, order_of
 from selftouch_drake.agent.body_model.who_touched import started
@@ -111,7 +105,7 @@ def carried(motion, point):
 
 
 @cache
-def two_arms_on_a_neck(points_of_a_hand=1, wrist=1.0):
+def two_arms_on_a_neck(points_of_a_hand=1):
     """Touches of a ball on a neck of two joints by two arms of three.
 
     `Scene`, whose hand touched, twists, points, and where on the ball. Joints 0 and 1 are the
@@ -120,7 +114,6 @@ def two_arms_on_a_neck(points_of_a_hand=1, wrist=1.0):
     random = np.random.default_rng(4)
     first, point = an_arm(seed=1, joints=5)
     own, other = an_arm(seed=2, joints=3)
-    first[-2:] *= wrist  # how far the last two joints of the first arm turn
     twists = np.concatenate([first, own])
     near = random.standard_normal((points_of_a_hand, 3))
     points = np.concatenate([point + near, other + near[::-1]])
@@ -220,30 +213,13 @@ def order_of_hand(body, toucher):
     return tuple(order_of(body.links.way(body.links.part[0], body.links.toucher[toucher])))
 
 
-def a_tree_of_two_hands(order, wrist=1.0):
-    """Both arms, the first in an order, with touches and a solution of three points a hand."""
-    scene, _, twists, points, _ = two_arms_on_a_neck(points_of_a_hand=3, wrist=wrist)
-    links = forest.Links.of_chain(chain_way(order), 0, 3)
+def test_hands_that_are_no_points_get_more_of_them_once_a_tree_stands():
+    scene, _, twists, points, _ = two_arms_on_a_neck(points_of_a_hand=3)
+    links = forest.Links.of_chain(chain_way([0, 1, 2, 3, 4]), 0, 3)
     links, hand = links.extended(2, [5, 6, 7], forwards=True)
     tree = replace(links, toucher={**links.toucher, 3: hand, 4: hand, 5: hand}).rooted(0)
     own = replace(scene, ways=tree.ways([(0, toucher) for toucher in range(6)]))
-    return tree, own, started(own, twists, points)
-
-
-@pytest.mark.parametrize("order", [[0, 1, 2, 3, 4], [0, 1, 2, 4, 3]])
-def test_joints_of_a_wrist_that_turns_little_change_places_where_hands_say_so(order):
-    tree, scene, solution = a_tree_of_two_hands(order, wrist=0.3)
-    # As the search leaves it: bent to the order that it found.
-    solution = refined(scene, solution)
-    search = Search(scene.q.T.astype(np.float32), np.random.default_rng(0))
-    found, ordered, solution = in_best_order(search, tree, scene, solution)
-    assert order_of(ordered.ways[0, 0]) == [0, 1, 2, 3, 4]
-    assert order_of(ordered.ways[0, 3]) == [0, 1, 5, 6, 7]
-    assert found.ways(list(scene.ways)) == ordered.ways
-
-
-def test_hands_that_are_no_points_get_more_of_them_once_a_tree_stands():
-    tree, own, solution = a_tree_of_two_hands([0, 1, 2, 3, 4])
+    solution = started(own, twists, points)
     more, wider, found = with_more_points(tree, own, solution, 5, np.random.default_rng(0))
     assert sorted(more.toucher.values()) == [4] * 5 + [7] * 5
     assert forest.explained(wider, found, 0) > 0.9

@@ -134,15 +134,3 @@ def test_only_joints_that_commute_may_change_places():
     tree = Tree.chain([0, 1, 2, 3, 4])
     twists = np.stack([coaxial, -2 * coaxial, crossing, slide, across])
     assert _commuting(tree, twists).tolist() == [0, 0, -1, 1, 1]
-
-
-def test_neighbours_in_a_tree_change_places_with_all_that_they_carry():
-    tree = Tree({0: BASE, 1: 0, 2: 1, 3: 2}, {0: BASE, 1: 2}, {0: 3})
-    assert tree.exchanged(0) is None
-    swapped = tree.exchanged(1)
-    assert swapped.parent == {1: BASE, 0: 1, 2: 0, 3: 2}
-    assert swapped.way(BASE, 3) == ((1, 1), (0, 1), (2, 1), (3, 1))
-    # The link of joint 2 wears a part: what is beyond it cannot come before it.
-    assert tree.exchanged(3) is None
-    end = tree.exchanged(2)
-    assert (end.parent, end.part) == ({0: BASE, 2: 0, 1: 2, 3: 1}, {0: BASE, 1: 1})
