@@ -69,8 +69,7 @@ class Hand:
         for own, point in zip(found, self._points, strict=True):
             surface, at = point.surface, point.centres(x)
             near = np.flatnonzero(surface.nodes.query(at)[0] < _FAR * surface.spacing)
-            on_it, normal = surface.projected(at[near])
-            own[near] = np.einsum("na,na->n", at[near] - on_it, normal) / surface.spacing
+            own[near] = surface.height(at[near]) / surface.spacing
         return -_SOFT * np.log(np.exp(-found / _SOFT).mean(axis=0))
 
     def _poses(self, x: np.ndarray) -> np.ndarray:

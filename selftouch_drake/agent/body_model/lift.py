@@ -111,9 +111,7 @@ class Lifter:
         Args:
             x: `(J,)` scaled posture.
         """
-        at = self.centres(x[None])
-        on_it, normal = self.surface.projected(at)
-        return float((at - on_it)[0] @ normal[0]) / self.surface.spacing
+        return float(self.surface.height(self.centres(x[None]))[0]) / self.surface.spacing
 
     def places(self, x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Reach.places`, at `(n, J)` x; derivatives are per mu."""

@@ -256,8 +256,7 @@ def _solid(model: BodyModel, part: int, surface: TouchedSurface) -> Solid:
     sides = np.ceil(size / cell).astype(int) + 1
     at = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
     place = lower + cell * at
-    on_it, normal = surface.projected(place)
-    height = np.einsum("na,na->n", place - on_it, normal)
+    height = surface.height(place)
     far = surface.nodes.query(place)[0]
     # Beyond an edge of a patch its planes say nothing.
     inside = _thickness(surface).max()

@@ -95,6 +95,11 @@ class TouchedSurface:
         _project(at, far, near, _FINE * self.spacing, self.node, self.normal, place, normal)
         return place, normal
 
+    def height(self, at: np.ndarray) -> np.ndarray:
+        """`(n,)` how high above the surface `(n, 3)` places are, negative below it."""
+        on_it, normal = self.projected(at)
+        return np.einsum("na,na->n", at - on_it, normal)
+
     def way(self, start: np.ndarray, goal: np.ndarray, num: int) -> np.ndarray | None:
         """`(num, 3)` evenly spaced places on a short way over the surface; None if there is none.
 
