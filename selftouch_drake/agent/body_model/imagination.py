@@ -378,8 +378,9 @@ class Imagination:
             if self._excess(smooth).max() > -_NEAR:
                 smooth = skin.smoothed(smooth, way, self.own_parts, held=True)
             high, above_deep = hand.above(dense(smooth)[_BEGUN * _BETWEEN :])
-            leg = replace(
-                self._leg(skin, smooth, way, goal),
+            leg = Leg(
+                x=smooth,
+                node=_felt_on(skin, smooth, goal),
                 error=max(0.0, high.max() - _HIGH),
                 deep=max(self._deep(smooth), -above_deep.min() - skin.pressure),
                 by_hand=True,
@@ -432,13 +433,13 @@ class Imagination:
             for other in self.surfaces
             if (other.reach.part, other.reach.toucher) != (skin.reach.part, skin.reach.toucher)
         )
-        return replace(self._leg(skin, x, way, goal), deep=self._deep(x), beside=beside)
-
-    def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
-        """A motion over the skin with what is felt on it, and how well it keeps to its way."""
-        node = skin.surface.kernel_at(skin.centres(x))
-        node[-1] = goal
-        return Leg(x=x, node=node, error=float(_missed(skin, x[None], way)[0]))
+        return Leg(
+            x=x,
+            node=_felt_on(skin, x, goal),
+            error=float(_missed(skin, x[None], way)[0]),
+            deep=self._deep(x),
+            beside=beside,
+        )
 
     def _deep(self, x: np.ndarray) -> float:
         """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
@@ -569,6 +570,13 @@ def _evenly_over(skin: Lifter, x: np.ndarray, *, eased: int = 0) -> tuple[SkinWa
     put[1:, joints] = keys[1:, 3:]
     put[1:] = skin.put(put[1:], way.place[1:], way.normal[1:])
     return way, put
+
+
+def _felt_on(skin: Lifter, x: np.ndarray, goal: int) -> np.ndarray:
+    """`(T,)` the target sensation at each posture of a motion `(T, J)` over the skin to a goal."""
+    node = skin.surface.kernel_at(skin.centres(x))
+    node[-1] = goal
+    return node
 
 
 def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> np.ndarray:
