@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
@@ -51,6 +50,9 @@ _FOLDS, _REFITTED = 5, 30
 # Touches of a neighbourhood in the space of sensations, with which the judgement compares places,
 # and the most of these neighbourhoods.
 _NEIGHBOURS, _MOST_NEIGHBOURHOODS = 5, 300
+# Touches that say where sensations are in the judgement of a tree, and its neighbourhoods: more would
+# be finer than depths of touches, and of 300 of two arms 0.6 lay near with the right joints.
+_SAYING, _OF_TREE = 1000, 100
 # A neighbourhood is coarser than a kernel. A touch is near within this share of the distance to
 # the next one, and so many must be near. Of 100 touches of two cubes the right chains had 0.69 and
 # more, those of readings that mix joints by 0.1 up to 0.46; within the whole distance 0.90, 0.91.
@@ -110,7 +112,7 @@ def found_by_sensation(
     labels = neighbourhoods(sensed, search.random)
     least = np.inf
     best: tuple[list[int], SmoothChain, np.ndarray | None, Judgement] | None = None
-    for body in _found_chains(search, used[some], smooth, joints):
+    for body in found_chains(search, used[some], smooth, joints):
         order = structure.order_of(body.ways[0][0])
         rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
         unit = None if search.scale is None else search.scale[order]
@@ -137,7 +139,7 @@ def found_by_sensation(
     )  # fmt: skip
 
 
-def _found_chains(
+def found_chains(
     search: Search, rows: np.ndarray, precision: np.ndarray, joints: list[int]
 ) -> Iterator[Bodies]:
     """Chains of populations whose joints turn alike by what they read, and of others, in turn.
@@ -211,11 +213,12 @@ def _judged(
     return chain, None, verdict
 
 
-def neighbourhoods(sensed: Sensed, random: np.random.Generator) -> np.ndarray:
-    """`(n,)` labels of touches that feel alike, some five to each."""
-    number = int(np.clip(len(sensed.share) // _NEIGHBOURS, 1, _MOST_NEIGHBOURHOODS))
-    seed = int(random.integers(2**31))
-    return kmeans2(np.sqrt(sensed.share), number, minit="++", seed=seed, missing="warn")[1]
+def neighbourhoods(
+    sensed: Sensed, random: np.random.Generator, *, most: int = _MOST_NEIGHBOURHOODS
+) -> np.ndarray:
+    """`(n,)` labels of touches that feel alike, some five to each, or at most so many labels."""
+    number = int(np.clip(len(sensed.share) // _NEIGHBOURS, 1, most))
+    return sensed.neighbourhoods(number, random)
 
 
 def needed_for(num_joints: int, *, alike: int = 0) -> tuple[int, int]:
@@ -255,23 +258,95 @@ def left_out_in_turn(
     distance, off = np.empty(len(q)), np.empty(len(q))
     for left_out in range(_FOLDS):
         train, test = np.flatnonzero(fold != left_out), np.flatnonzero(fold == left_out)
-        seen = sensed.some(train)
-        again = finished(q[train], seen.precision(), chain, _REFITTED, unit=unit)
+        again = finished(q[train], sensed.some(train).precision(), chain, _REFITTED, unit=unit)
         place = places(q, again.twists, again.point)
-        expected = seen.predicted(place[train], sensed.some(test))
-        middle = kernel_medians(place[train], labels[train], int(labels.max()) + 1, least=2)
-        apart = neighbour_distance(middle[np.isfinite(middle).all(axis=1)])
-        distance[test] = np.linalg.norm(place[test] - expected, axis=1) / apart
-        memory = remembered(q[train], place[train], q[test], np.zeros(len(test)))
-        off[test] = np.linalg.norm(memory - expected, axis=2).min(axis=0) / apart
+        distance[test], off[test] = compared(sensed, labels, q, place, place[None, test], test)
+    return verdict(distance, off, criterion=chain.criterion)
+
+
+def judged_in_turn(
+    sensation: csr_array,
+    q: np.ndarray,
+    place: np.ndarray,
+    there: np.ndarray,
+    judges: np.ndarray,
+    random: np.random.Generator,
+) -> Judgement:
+    """Judges joints by some touches of a part, each left out of what says where sensations are.
+
+    Args:
+        sensation: `(n, S)` readings of the receptors.
+        q: `(n, L)` readings of the joints.
+        place: `(n, 3)` of the touches by the joints; NaN for outliers.
+        there: `(U, n, 3)` where each toucher is.
+        judges: `(n,)` bool, the touches that judge.
+        random: where neighbourhoods begin.
+    """
+    others = random.permutation(np.flatnonzero(~judges))[:_SAYING]
+    some = np.sort(np.concatenate([np.flatnonzero(judges), others]))
+    sensation, q, judges = sensation[some], q[some], judges[some]
+    place, there, number = place[some], there[:, some], int(judges.sum())
+    if number < FEWEST_HELD_OUT or np.isfinite(place).all(axis=1).sum() < FEWEST:
+        return unproven(
+            f"{number} touches left out are too few to test it ({FEWEST_HELD_OUT} needed)", number
+        )
+    sensed = Sensed.of(sensation)
+    labels = neighbourhoods(sensed, random, most=_OF_TREE)
+    fold = np.arange(number) * _FOLDS // number
+    distance, off = np.empty(number), np.empty(number)
+    for left_out in range(_FOLDS):
+        test = np.flatnonzero(judges)[fold == left_out]
+        distance[fold == left_out], off[fold == left_out] = compared(
+            sensed, labels, q, place, there[:, test], test
+        )
+    return verdict(distance, off, criterion=np.nan)
+
+
+def compared(
+    sensed: Sensed,
+    labels: np.ndarray,
+    q: np.ndarray,
+    place: np.ndarray,
+    there: np.ndarray,
+    test: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far test touches lie from where their sensations say, by joints and by memory.
+
+    Both `(m,)`, relative to the distance between neighbouring sensations.
+
+    Args:
+        sensed: what the touches feel like.
+        labels: `(n,)` neighbourhoods.
+        q: `(n, L)` readings.
+        place: `(n, 3)` of the touches by joints that did not see the test touches; NaN for
+            outliers. Those of test touches are not read.
+        there: `(U, m, 3)` where each toucher is at the test touches, of which the nearest counts.
+        test: `(m,)` rows of the test touches.
+    """
+    known = np.isfinite(place).all(axis=1)
+    known[test] = False
+    train = np.flatnonzero(known)
+    expected = sensed.some(train).predicted(place[train], sensed.some(test))
+    middle = kernel_medians(place[train], labels[train], int(labels.max()) + 1, least=2)
+    apart = neighbour_distance(middle[np.isfinite(middle).all(axis=1)])
+    memory = remembered(q[train], place[train], q[test], np.zeros(len(test)))
+    by_joints, by_memory = (
+        np.linalg.norm(found - expected, axis=2).min(axis=0) / apart for found in (there, memory)
+    )
+    return by_joints, by_memory
+
+
+def verdict(distance: np.ndarray, off: np.ndarray, *, criterion: float) -> Judgement:
+    """The judgement of touches left out, from what `compared` says of them."""
     inlier = distance < OUTLIER
     proves = inlier & (off > 1)
-    if 2 * inlier.sum() > len(q) and proves.sum() < FEWEST_HELD_OUT:
+    number = len(distance)
+    if 2 * inlier.sum() > number and proves.sum() < FEWEST_HELD_OUT:
         return unproven(
             f"a regression that knows no joints places all but {proves.sum()} of {inlier.sum()} "
             f"touches, left out in turn, as well: they prove nothing ({FEWEST_HELD_OUT} needed "
             "that do)",
-            len(q),
+            number,
         )
     near = float((distance[proves] < _NEAR).sum() / max(proves.sum(), 1))
     inliers = float(inlier.mean())
@@ -281,12 +356,12 @@ def left_out_in_turn(
         accepted=bool(surely * min(1.0, 2 * inliers) > _ACCEPTED),
         near=near,
         inliers=inliers,
-        criterion=chain.criterion,
-        tested=len(q),
+        criterion=criterion,
+        tested=number,
         reason=(
             f"{near:.1%} of {proves.sum()} touches, left out in turn, lie within half of the "
             f"distance between neighbouring sensations from where their own says, {surely:.1%} "
-            f"less a standard error ({_ACCEPTED:.0%} needed), {1 - inliers:.1%} of {len(q)} are "
+            f"less a standard error ({_ACCEPTED:.0%} needed), {1 - inliers:.1%} of {number} are "
             "outliers (fewer than half needed)"
         ),
     )

@@ -36,6 +36,8 @@ from selftouch_drake.agent.body_model.scene import (
     kernel_sums,
     solution_places,
 )
+from selftouch_drake.agent.body_model.several_limbs import MOST as MOST_OF_SEVERAL
+from selftouch_drake.agent.body_model.several_limbs import neighbourhoods_of_parts, of_several_limbs
 from selftouch_drake.agent.body_model.sizes import carried_over, with_sizes
 from selftouch_drake.agent.body_model.standard_errors import covariance
 from selftouch_drake.agent.body_model.standard_readings import StandardReadings
@@ -66,6 +68,9 @@ _SAME = 0.1
 _MOSTLY, _SEARCHES = 0.5, 2
 # Searches for limbs that moved one at a time, while parts are left over: one of two may be wrong.
 _ANEW = 2
+# Few touches get labels of so many that feel alike: growing counts touches of labels, and the finish
+# is the sharper the fewer there are.
+_TO_GROW, _TO_FINISH = 8, 5
 # Above this share of inliers one limb made all touches.
 _ONE_LIMB = 0.9
 # A flat chain is taken unless it explains less than the same chain in space, by this share.
@@ -156,6 +161,8 @@ def find_body_model(
     found = None
     if few_enough and felt is not None:
         found = _find_by_sensation(search, touches, felt, seed)
+    if felt is not None and number <= MOST_OF_SEVERAL and not _any_accepted(found):
+        found = _find_several_limbs(search, touches, felt, seed) or found
     if found is None:
         found = _find(search, touches, seed)
     if found is None:
@@ -251,7 +258,7 @@ def _find(search: Search, touches: StandardTouches, seed: int) -> Found | None:
     if hands_first:
         # Hardly any chain is as long, and the search for one takes minutes.
         found = _grown(search, touches, purpose, seed, hands=True)
-        if found is not None and _any_accepted(found):
+        if _any_accepted(found):
             return found
     chain = _chain_of_part(search, touches, group, (train, choice), parts[0])
     if chain is None:
@@ -262,7 +269,7 @@ def _find(search: Search, touches: StandardTouches, seed: int) -> Found | None:
     rejected_one = not verdict.accepted and not verdict.inliers > _ONE_LIMB
     if rejected_one and not hands_first and several():
         found = _grown(search, touches, purpose, seed, hands=True)
-        if found is not None and _any_accepted(found):
+        if _any_accepted(found):
             return found
     return _finished(search, touches, chain, purpose, seed)
 
@@ -275,9 +282,9 @@ def _grown(
     return None if body is None else _finished_tree(search, touches, body, purpose, seed)
 
 
-def _any_accepted(found: Found) -> bool:
+def _any_accepted(found: Found | None) -> bool:
     """Whether held-out touches agree on any part."""
-    return any(verdict.accepted for verdict in found.judgements.values())
+    return found is not None and any(one.accepted for one in found.judgements.values())
 
 
 def _find_by_sensation(
@@ -308,18 +315,59 @@ def _find_by_limbs(
 ) -> Found | None:
     """The body of few touches that were made with one limb at a time."""
     part = touches.part[touches.target]
+
+    def of_part() -> Mechanism | None:
+        return of_limbs(search, touches.q, felt, part, moved)
+
     purpose = held_out(touches.q, search.random)
-    best = None
+    body = _grown_best(search, touches, of_part, purpose)
+    return None if body is None else _finished_tree(search, touches, body, purpose, seed)
+
+
+def _find_several_limbs(
+    search: Search, touches: StandardTouches, felt: csr_array, seed: int
+) -> Found | None:
+    """The body of few touches, of which nobody says which limb made them."""
+    part = touches.part[touches.target]
+
+    def of_part() -> Mechanism | None:
+        return of_several_limbs(search, touches.q, felt, part, purpose == 0)
+
+    purpose = held_out(touches.q, search.random)
+    # Target sensations are finer than so few touches can fill.
+
+    def labelled(each: int) -> StandardTouches:
+        target, of_label = neighbourhoods_of_parts(felt, part, each, search.random)
+        return replace(touches, target=target, part=of_label)
+
+    body = _grown_best(search, labelled(_TO_GROW), of_part, purpose)
+    if body is None:
+        return None
+    found = _finished_tree(search, labelled(_TO_FINISH), body, purpose, seed)
+    whole = touches.scene(found.scene.ways)
+    solution = carried_over(whole, found.solution)
+    verdicts = judge_parts_by_sensation(whole, solution, felt, purpose > 0, search.random)
+    return replace(found, scene=whole, solution=solution, judgements=verdicts)
+
+
+def _grown_best(
+    search: Search,
+    touches: StandardTouches,
+    of_part: Callable[[], Mechanism | None],
+    purpose: np.ndarray,
+) -> Mechanism | None:
+    """The body that grows best from the chains of all limbs that reach one part."""
+    number, best = len(np.unique(touches.part[touches.target])), None
     for _ in range(_ANEW):
-        first = of_limbs(search, touches.q, felt, part, moved)
+        first = of_part()
         if first is None:
             continue
         body = grow.full(first, search, touches.scene({}), purpose > 0, touches.moving)
         if best is None or len(body.links.part) > len(best.links.part):
             best = body
-        if len(best.links.part) == len(np.unique(part)):
+        if len(best.links.part) == number:
             break
-    return None if best is None else _finished_tree(search, touches, best, purpose, seed)
+    return best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -478,6 +526,46 @@ def judge_parts(scene: Scene, tests: Scene, solution: Solution) -> dict[int, Jud
     for part, verdict in verdicts.items():
         if not verdict.accepted and _joints_to(scene, part) <= proved:
             verdicts[part] = judge_part(scene, tests, solution, part, proved=True)
+    return verdicts
+
+
+def judge_parts_by_sensation(
+    scene: Scene,
+    solution: Solution,
+    felt: csr_array,
+    tested: np.ndarray,
+    random: np.random.Generator,
+) -> dict[int, Judgement]:
+    """The judgement of each part of a tree that few touches led to, by the rule of few touches.
+
+    Of a part all of whose joints others have proved only the link is open, which hardly any touch
+    decides: all of its touches judge it, left out in turn of what says where sensations are.
+
+    Args:
+        scene: all touches.
+        solution: of these.
+        felt: `(n, S)` readings of the receptors.
+        tested: `(n,)` bool, touches that no fit has seen.
+        random: where neighbourhoods begin.
+    """
+    verdicts, proved = dict[int, Judgement](), set[int]()
+
+    def judged_so(part: int, judges: np.ndarray) -> Judgement:
+        rows, touchers = scene.rows(part), scene.touchers(part)
+        there = solution_places(scene, solution)[touchers][:, rows]
+        share = solution.share[np.ix_(rows, touchers)]
+        own = there[share.argmax(axis=1), np.arange(len(rows))]
+        own[share.sum(axis=1) < 0.5] = np.nan
+        q = scene.q[np.ix_(rows, np.array(sorted(_joints_to(scene, part))))]
+        return few.judged_in_turn(felt[rows], q, own, there, judges[rows], random)
+
+    for part in scene.parts:
+        verdicts[part] = judged_so(part, tested)
+        if verdicts[part].accepted:
+            proved |= _joints_to(scene, part)
+    for part, verdict in verdicts.items():
+        if not verdict.accepted and _joints_to(scene, part) <= proved:
+            verdicts[part] = judged_so(part, np.ones_like(tested))
     return verdicts
 
 

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from selftouch_drake.agent.body_model import few
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.forest import Links, Mechanism, robust_similarity
-from selftouch_drake.agent.body_model.smoothness import Sensed
+from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain
 from selftouch_drake.agent.body_model.structure import Search
 
 # A joint stood still where it stayed within this share of its range for so many touches, in which
@@ -43,6 +43,25 @@ class Moved:
         of_touch = np.empty_like(self.of_touch)
         of_touch[rows] = self.of_touch
         return Moved(self.sets, of_touch)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limb:
+    """The chain of one limb, from the part that it touches.
+
+    Attributes:
+        order: of its joints.
+        chain: of these.
+        rows: touches that it made.
+    """
+
+    order: list[int]
+    chain: SmoothChain
+    rows: np.ndarray
+
+    def places(self, q: np.ndarray) -> np.ndarray:
+        """`(n, 3)` where it made its touches, of `(n, J)` readings of all touches."""
+        return places(q[np.ix_(self.rows, self.order)], self.chain.twists, self.chain.point)
 
 
 def moved_together(q: np.ndarray) -> Moved:
@@ -109,7 +128,8 @@ def of_limbs(
             found = few.found_by_sensation(alone, q[rows], sensation[rows], list(joints))
             search.tick()
             if found is not None and found.judgement.accepted:
-                limbs.append((found, rows))
+                chain = SmoothChain(found.twists[found.order], found.point, np.inf)
+                limbs.append(Limb(found.order, chain, rows))
             elif not limbs:
                 break
         if len(limbs) > 1:
@@ -129,10 +149,7 @@ def _by_limb(on_part: np.ndarray, moved: Moved) -> dict[tuple[int, ...], np.ndar
 
 
 def joined(
-    q: np.ndarray,
-    sensation: csr_array,
-    part: int,
-    limbs: Sequence[tuple[few.FewFound, np.ndarray]],
+    q: np.ndarray, sensation: csr_array, part: int, limbs: Sequence[Limb]
 ) -> Mechanism:
     """One body of several chains from one part, brought together where they felt the same.
 
@@ -140,20 +157,19 @@ def joined(
         q: `(n, J)` standardised readings.
         sensation: `(n, S)` readings of the receptors.
         part: that all chains begin at.
-        limbs: chains, each with the rows of its touches.
+        limbs: the chains.
     """
-    first, rows = limbs[0]
+    first, *others = limbs
     links = Links.of_chain(tuple((joint, 1) for joint in first.order), part)
-    twists, points = first.twists.copy(), [first.point]
-    sensed = Sensed.of(sensation[rows])
-    own = places(q[rows][:, first.order], first.twists[first.order], first.point)
-    for number, (other, its_rows) in enumerate(limbs[1:], start=1):
-        its = places(q[its_rows][:, other.order], other.twists[other.order], other.point)
-        wanted = sensed.predicted(own, sensed.like(sensation[its_rows]))
-        motion = robust_similarity(its, wanted)
+    twists, points = np.zeros((q.shape[1], 6)), [first.chain.point]
+    twists[first.order] = first.chain.twists
+    sensed, own = Sensed.of(sensation[first.rows]), first.places(q)
+    for number, other in enumerate(others, start=1):
+        wanted = sensed.predicted(own, sensed.like(sensation[other.rows]))
+        motion = robust_similarity(other.places(q), wanted)
         links, end = links.extended(links.part[part], other.order, forwards=True)
         links = replace(links, toucher={**links.toucher, number: end})
-        twists[other.order] = adjoint(motion, other.twists[other.order])
-        points.append(motion[:3, :3] @ other.point + motion[:3, 3])
+        twists[other.order] = adjoint(motion, other.chain.twists)
+        points.append(motion[:3, :3] @ other.chain.point + motion[:3, 3])
     pairs = tuple((part, toucher) for toucher in range(len(points)))
     return Mechanism(links, twists, np.array(points), pairs)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from scipy.sparse import csr_array
+from sklearn.cluster import KMeans
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.body_model.chain import derivatives, places
 from selftouch_drake.agent.body_model.standard_errors import gauge
@@ -67,6 +69,13 @@ class Sensed:
         """Other touches, `(m, S)` readings, on the scale of these."""
         dense = np.maximum(np.asarray(sensation.toarray(), dtype=float), 0)
         return Sensed(_shares(dense), _noise(dense, self.typical), self.receptors, self.typical)
+
+    def neighbourhoods(self, number: int, random: np.random.Generator) -> np.ndarray:
+        """`(n,)` labels of touches that feel alike: at most so many labels."""
+        means = KMeans(min(number, len(self.share)), random_state=int(random.integers(2**31)))
+        # Threads add up in any order.
+        with threadpool_limits(1):
+            return means.fit_predict(np.sqrt(self.share))
 
     def covariance(self, other: "Sensed") -> np.ndarray:
         """`(n, m)` covariance of places, without noise."""
