@@ -116,9 +116,7 @@ def of_limbs(
         part: `(n,)` part that each touch is on.
         moved: which joints moved.
     """
-    felt = {int(p): sensation[part == p].sum(axis=0) > 0 for p in np.unique(part)}
-    # A part that moves has no chain of one limb alone. The trunk's skin is the largest, mostly.
-    for shared in sorted(felt, key=lambda p: -np.count_nonzero(felt[p])):
+    for shared in largest_first(sensation, part):
         by_limb = _by_limb(part == shared, moved)
         if len(by_limb) < 2:
             continue
@@ -135,6 +133,19 @@ def of_limbs(
         if len(limbs) > 1:
             return joined(q, sensation, shared, limbs)
     return None
+
+
+def largest_first(sensation: csr_array, part: np.ndarray) -> list[int]:
+    """Parts by the number of receptors that felt anything there.
+
+    A part that moves has no chain of one limb alone. The trunk's skin is the largest, mostly.
+
+    Args:
+        sensation: `(n, S)` readings of the receptors.
+        part: `(n,)` part that each touch is on.
+    """
+    felt = {int(p): sensation[part == p].sum(axis=0) > 0 for p in np.unique(part)}
+    return sorted(felt, key=lambda p: -np.count_nonzero(felt[p]))
 
 
 def _by_limb(on_part: np.ndarray, moved: Moved) -> dict[tuple[int, ...], np.ndarray]:

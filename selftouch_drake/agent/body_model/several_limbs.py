@@ -18,7 +18,7 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.density import limbs, telling_cores, who_touched
 from selftouch_drake.agent.body_model.fit import Bodies, Group, Smooth
 from selftouch_drake.agent.body_model.forest import Mechanism
-from selftouch_drake.agent.body_model.one_limb import Limb, joined
+from selftouch_drake.agent.body_model.one_limb import Limb, joined, largest_first
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
 from selftouch_drake.agent.body_model.structure import (
     Search,
@@ -40,7 +40,6 @@ _TELLING, _NEARLY_SURE = 3, 0.99
 _OWN = 3.0
 # Share of near touches, left out in turn, from which a chain is grown; the whole body is judged.
 _AGREED = 0.5
-DEBUG = None
 # Touches by which chains are searched, and fitted while they find their own touches; rounds of that,
 # and steps of each.
 _SEARCHED, _FITTED, _ROUNDS, _STEPS = 256, 500, 3, 40
@@ -60,17 +59,15 @@ def of_several_limbs(
         part: `(n,)` part that each touch is on.
         used: `(n,)` bool, touches that may be looked at.
     """
-    # A part that moves has no chain of one limb alone. The trunk is touched most, mostly.
-    most = int(np.bincount(part).argmax())
-    rows = np.flatnonzero(used & (part == most))
+    shared = largest_first(sensation, part)[0]
+    rows = np.flatnonzero(used & (part == shared))
     rows = np.sort(search.random.permutation(rows)[:_LOOKED_AT])
     own = replace(search, q=np.ascontiguousarray(search.q[:, rows]), sensation=sensation[rows])
-    touches = _Touches(own, q[rows], sensation[rows], Sensed.of(sensation[rows]))
-    found = touches.chains()
+    found = _Touches(own, q[rows], sensation[rows], Sensed.of(sensation[rows])).chains()
     if len(found) < 2:
         return None
-    found = [replace(limb, rows=rows[limb.rows]) for limb in found]
-    return joined(q, sensation, most, found)
+    limbs = [replace(limb, rows=rows[limb.rows]) for limb in found]
+    return joined(q, sensation, shared, limbs)
 
 
 def neighbourhoods_of_parts(
@@ -116,28 +113,31 @@ class _Touches:
     def chains(self) -> list[Limb]:
         """The limbs that were found, each with its chain and touches."""
         share, cores = self._limbs()
+        most_sure_first = np.argsort(-(share > _NEARLY_SURE).sum(axis=0), kind="stable").tolist()
         found = dict[int, Limb]()
         # Once more, for those that failed before another one was found.
-        for _ in range(2):
-            for limb in np.argsort(-(share > _NEARLY_SURE).sum(axis=0), kind="stable").tolist():
-                if limb in found:
-                    continue
-                taken = np.zeros(len(self.q), dtype=bool)
-                joints = set(range(self.q.shape[1]))
-                for other, core in enumerate(cores):
-                    if other in found:
-                        joints -= set(found[other].order)
-                        taken[found[other].rows] = True
-                    elif other != limb:
-                        joints -= set(core)
-                # All others are known: what is left over is this one's.
-                left = len(found) == len(cores) - 1
-                likely = np.ones(len(self.q), dtype=bool) if left else share[:, limb] > _NEARLY_SURE
-                moving = [joint for joint in sorted(joints) if np.ptp(self.q[:, joint]) > 0]
-                chain = self._chain(np.flatnonzero(likely & ~taken), moving)
-                if chain is not None:
-                    found[limb] = chain
+        for turn in range(2):
+            if turn and not found:
+                break
+            for limb in most_sure_first:
+                if limb not in found:
+                    chain = self._chain(*self._of_limb(limb, share[:, limb], cores, found))
+                    if chain is not None:
+                        found[limb] = chain
         return list(found.values())
+
+    def _of_limb(
+        self, limb: int, share: np.ndarray, cores: list[list[int]], found: dict[int, Limb]
+    ) -> tuple[np.ndarray, list[int]]:
+        """Touches most of which a limb made, and joints that may be its own."""
+        free, joints = np.ones(len(self.q), dtype=bool), set(range(self.q.shape[1]))
+        for other in set(range(len(cores))) - {limb}:
+            joints -= set(found[other].order if other in found else cores[other])
+            if other in found:
+                free[found[other].rows] = False
+        # Where all others are known, what is left over is this one's.
+        likely = free if len(found) == len(cores) - 1 else free & (share > _NEARLY_SURE)
+        return np.flatnonzero(likely), [j for j in sorted(joints) if np.ptp(self.q[:, j]) > 0]
 
     def _limbs(self) -> tuple[np.ndarray, list[list[int]]]:
         """`(n, U)` probability that each limb made each touch, and joints that tell the limbs."""
@@ -182,7 +182,6 @@ class _Touches:
         chain = finished(q, sensed.precision(), chain)
         labels = few.neighbourhoods(sensed, self.search.random)
         verdict = few.left_out_in_turn(q, sensed, labels, chain)
-        if DEBUG: DEBUG(self, some, own, order, verdict)
         if not verdict.near * min(1.0, 2 * verdict.inliers) > _AGREED:
             return None
         return Limb(order, chain, own)

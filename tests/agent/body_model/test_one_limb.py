@@ -7,9 +7,13 @@ from scipy.sparse import csr_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.body_model.chain import adjoint, places
-from selftouch_drake.agent.body_model.few import FewFound
-from selftouch_drake.agent.body_model.judge import unproven
-from selftouch_drake.agent.body_model.one_limb import joined, moved_together
+from selftouch_drake.agent.body_model.one_limb import (
+    Limb,
+    joined,
+    largest_first,
+    moved_together,
+)
+from selftouch_drake.agent.body_model.smoothness import SmoothChain
 
 LEFT, RIGHT = (0, 1, 2), (3, 4, 5)
 
@@ -61,15 +65,6 @@ def test_few_touches_of_one_limb_are_no_limb():
     assert moved_together(one_limb_at_a_time(number=2)).sets == []
 
 
-def chain_of(joints, twists, point, sensation):
-    """What a search would find of a limb."""
-    return FewFound(
-        order=list(joints), twists=twists, point=point, kind=np.ones(6, dtype=int),
-        swaps=np.full(2, np.inf), place=np.zeros((sensation.shape[0], 3)),
-        judgement=unproven("", 0), spread=np.full((39, 39), np.nan), alike=False,
-    )  # fmt: skip
-
-
 def test_chains_meet_where_they_felt_the_same():
     random = np.random.default_rng(1)
     true = np.array(
@@ -92,9 +87,10 @@ def test_chains_meet_where_they_felt_the_same():
     motion[:3, 3] = 0.3, -0.2, 0.1
     elsewhere = np.zeros((6, 6))
     elsewhere[list(LEFT)] = adjoint(motion, true[list(LEFT)])
+    there = motion[:3, :3] @ tip + motion[:3, 3]
     limbs = [
-        (chain_of(RIGHT, true, tip, sensation), rows[0]),
-        (chain_of(LEFT, elsewhere, motion[:3, :3] @ tip + motion[:3, 3], sensation), rows[1]),
+        Limb(list(RIGHT), SmoothChain(true[list(RIGHT)], tip, 0.0), rows[0]),
+        Limb(list(LEFT), SmoothChain(elsewhere[list(LEFT)], there, 0.0), rows[1]),
     ]
     body = joined(q, sensation, 4, limbs)
     assert body.pairs == ((4, 0), (4, 1))
@@ -103,3 +99,11 @@ def test_chains_meet_where_they_felt_the_same():
     off = np.linalg.norm(found - at[rows[1]], axis=1)
     assert np.median(off) < 0.1
     assert np.abs(body.twists[list(RIGHT)] - true[list(RIGHT)]).max() == 0
+
+
+def test_the_part_with_most_receptors_comes_first():
+    readings = np.zeros((40, 5))
+    readings[:30, 0] = 1.0  # touched most
+    readings[30:, 1:] = 1.0
+    part = np.repeat([0, 1], [30, 10])
+    assert largest_first(csr_array(readings), part) == [1, 0]

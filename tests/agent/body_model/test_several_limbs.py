@@ -1,0 +1,101 @@
+"""Several limbs from few touches, though nobody says which of them touched."""
+
+import numpy as np
+import pytest
+from hand_made_chains import ArmOnBall, misfit
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model.chain import places
+from selftouch_drake.agent.body_model.few import judged_in_turn
+from selftouch_drake.agent.body_model.several_limbs import (
+    neighbourhoods_of_parts,
+    of_several_limbs,
+)
+from selftouch_drake.agent.body_model.structure import Search
+
+EACH = 700
+ARMS = ArmOnBall(1), ArmOnBall(2)
+
+
+def touches_of_two_arms(seed=0):
+    """`(n, 8)` readings, `(n, S)` sensations and the arm that touched, in any order."""
+    random = np.random.default_rng(seed)
+    q = random.uniform(-1.5, 1.5, (2 * EACH, 8))
+    felt = []
+    for number, arm in enumerate(ARMS):
+        own = slice(number * EACH, (number + 1) * EACH)
+        q[own, 4 * number : 4 * number + 4], one = arm.touches(EACH, seed=seed + number)
+        felt.append(one)
+    order = random.permutation(2 * EACH)
+    who = np.repeat([0, 1], EACH)
+    return q[order], csr_array(np.concatenate(felt))[order], who[order]
+
+
+def search_of(q):
+    return Search(np.ascontiguousarray(q.T.astype(np.float32)), np.random.default_rng(0))
+
+
+def test_two_arms_that_touch_one_ball_are_told_apart():
+    q, felt, who = touches_of_two_arms()
+    used = np.random.default_rng(1).random(len(q)) < 0.95
+    body = of_several_limbs(search_of(q), q, felt, np.full(len(q), 3), used)
+    assert body is not None
+    ways = {way[0][0] // 4: (toucher, way) for (_, toucher), way in body.ways().items()}
+    assert sorted(ways) == [0, 1]
+    for number, (toucher, way) in ways.items():
+        order = [joint for joint, _ in way]
+        assert set(order) <= set(range(4 * number, 4 * number + 4))
+        own = q[who == number]
+        found = places(own[:, order], body.twists[order], body.points[toucher])
+        true = ARMS[number].places(own[:, 4 * number : 4 * number + 4])
+        assert misfit(found, true) < 3
+
+
+def test_one_arm_is_no_several():
+    q, felt = ARMS[0].touches(2 * EACH)
+    part = np.zeros(len(q), dtype=int)
+    assert of_several_limbs(search_of(q), q, csr_array(felt), part, part == 0) is None
+
+
+def test_few_touches_are_none():
+    q, felt, _ = touches_of_two_arms()
+    part = np.zeros(len(q), dtype=int)
+    few = np.arange(len(q)) < 300
+    assert of_several_limbs(search_of(q), q, felt, part, few) is None
+
+
+def test_labels_are_of_touches_that_feel_alike_on_one_part():
+    _, felt, _ = touches_of_two_arms()
+    part = np.arange(felt.shape[0]) % 2
+    label, part_of = neighbourhoods_of_parts(felt, part, 8, np.random.default_rng(0))
+    assert (part_of[label] == part).all()
+    assert 4 < np.bincount(label).mean() < 12
+    for number in range(3):
+        mine = felt[label == number].toarray()
+        among = np.linalg.norm(mine - mine.mean(axis=0), axis=1).mean()
+        all_of_part = felt[part == part_of[number]].toarray()
+        assert among < 0.7 * np.linalg.norm(all_of_part - all_of_part.mean(axis=0), axis=1).mean()
+
+
+@pytest.mark.parametrize(("right", "accepted"), [(True, True), (False, False)])
+def test_touches_left_out_judge_a_tree(right, accepted):
+    q, felt = ARMS[0].touches(800)
+    place = ARMS[0].places(q)
+    random = np.random.default_rng(0)
+    if not right:
+        place = place + 0.3 * random.standard_normal(place.shape)
+    judges = random.random(len(q)) < 0.2
+    found = judged_in_turn(csr_array(felt), q, place, place[None], judges, random)
+    assert found.accepted == accepted
+    assert found.tested == judges.sum()
+
+
+def test_too_few_left_out_judge_nothing():
+    q, felt = ARMS[0].touches(200)
+    place = ARMS[0].places(q)
+    judges = np.arange(len(q)) < 10
+    found = judged_in_turn(
+        csr_array(felt), q, place, place[None], judges, np.random.default_rng(0)
+    )
+    assert not found.accepted
+    assert "too few" in found.reason
