@@ -49,7 +49,7 @@ from selftouch_drake.agent.body_model.structure import (
 )
 from selftouch_drake.agent.body_model.touchers import with_more
 from selftouch_drake.agent.body_model.tree import Tree
-from selftouch_drake.agent.body_model.who_touched import started
+from selftouch_drake.agent.body_model.who_touched import settled, started
 
 # Touches that a search and a finish look at: more give nothing but time. A cube's places have an
 # error of 0.597 % with 30,000 touches and of 0.588 with 100,000.
@@ -343,10 +343,15 @@ def _find_several_limbs(
     body = _grown_best(search, labelled(_TO_GROW), of_part, purpose)
     if body is None:
         return None
-    found = _finished_tree(search, labelled(_TO_FINISH), body, purpose, seed)
-    whole = touches.scene(found.scene.ways)
-    solution = carried_over(whole, found.solution)
-    verdicts = judge_parts_by_sensation(whole, solution, felt, purpose > 0, search.random)
+    found = _finished_tree(search, labelled(_TO_FINISH), body, purpose, seed, sized=False)
+    verdicts = judge_parts_by_sensation(
+        found.scene, found.solution, felt, purpose > 0, search.random
+    )
+    # Who touched is known better than kernels of one or two touches could tell.
+    whole, known = touches.scene(found.scene.ways), found.solution
+    begun = started(whole, known.twists, known.points)
+    begun = replace(begun, share=known.share)
+    solution = settled(whole, begun, solution_places(whole, begun), fresh_normals=True)
     return replace(found, scene=whole, solution=solution, judgements=verdicts)
 
 
@@ -637,9 +642,18 @@ def _kinds(
 
 
 def _finished_tree(
-    search: Search, touches: StandardTouches, body: Mechanism, purpose: np.ndarray, seed: int
+    search: Search,
+    touches: StandardTouches,
+    body: Mechanism,
+    purpose: np.ndarray,
+    seed: int,
+    *,
+    sized: bool = True,
 ) -> Found:
-    """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch."""
+    """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch.
+
+    Surfaces of touchers are looked for if these may be `sized`.
+    """
     counts = np.bincount(touches.part[touches.target], minlength=len(touches.part))
     root = body.links.part[max(body.links.part, key=lambda part: counts[part])]
     tree = body.links.rooted(root)
@@ -657,7 +671,7 @@ def _finished_tree(
         whole, choice, tests = (replace(one, ways=scene.ways) for one in (whole, choice, tests))
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
-    if not scene.blunt:
+    if sized and not scene.blunt:
         # Several points of a hand are its surface.
         solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
     if solution.sizes is None:

@@ -27,8 +27,8 @@ from selftouch_drake.agent.body_model.structure import (
     pruned,
 )
 
-#: With more touches kernels are as good.
-MOST = 20_000
+#: With more touches kernels are as good. Two arms were found from 3,000 and from 10,000.
+MOST = 12_000
 # Touches of a part that are looked at, in neighbourhoods of so many, of which some are needed.
 # With 60 each three joints of a limb tell 93 to 98 % of the surest touches of two arms right, with
 # 90 97 to 99, and with 120 often too few neighbourhoods are left.
