@@ -50,8 +50,8 @@ _FOLDS, _REFITTED = 5, 30
 # Touches of a neighbourhood in the space of sensations, with which the judgement compares places,
 # and the most of these neighbourhoods.
 _NEIGHBOURS, _MOST_NEIGHBOURHOODS = 5, 300
-# Touches that say where sensations are in the judgement of a tree, and its neighbourhoods: more would
-# be finer than depths of touches, and of 300 of two arms 0.6 lay near with the right joints.
+# Touches that say where sensations are in the judgement of a tree, and its neighbourhoods: more
+# would be finer than depths of touches, and of 300 of two arms 0.6 lay near with the right joints.
 _SAYING, _OF_TREE = 1000, 100
 # A neighbourhood is coarser than a kernel. A touch is near within this share of the distance to
 # the next one, and so many must be near. Of 100 touches of two cubes the right chains had 0.69 and

@@ -68,8 +68,8 @@ _SAME = 0.1
 _MOSTLY, _SEARCHES = 0.5, 2
 # Searches for limbs that moved one at a time, while parts are left over: one of two may be wrong.
 _ANEW = 2
-# Few touches get labels of so many that feel alike: growing counts touches of labels, and the finish
-# is the sharper the fewer there are.
+# Few touches get labels of so many that feel alike: growing counts touches of labels, and the
+# finish is the sharper the fewer there are.
 _TO_GROW, _TO_FINISH = 8, 5
 # Above this share of inliers one limb made all touches.
 _ONE_LIMB = 0.9

@@ -25,7 +25,8 @@ from selftouch_drake.agent.body_model.who_touched import started
 _HUNG = 2500
 # A toucher of a part makes at least this share of its touches.
 _FEWEST = 0.03
-# More touchers must explain so many more touches.
+# More touchers must explain so many more touches, at least: of n touches a share of 1 / sqrt(n).
+# Without that, a forearm's own hand earned 0.04 of 99 touches of the other one's.
 _EARNED = 0.03
 # One that comes later than a part, besides, so many of those that are not explained yet: of these,
 # wrong joints explain some by chance.
@@ -267,6 +268,7 @@ def _hung_there(
 ) -> tuple[float, Mechanism] | None:
     """The same on one link."""
     best: tuple[float, Mechanism] | None = None
+    earned = max(_EARNED, len(some.q) ** -0.5)
     links = body.links
     hands = links.hands(sorted(links.reaching(link)))
     while hands:
@@ -275,7 +277,7 @@ def _hung_there(
         ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
         tried = replace(some, ways=ways)
         solution = started(tried, body.twists, body.points)
-        value = explained(tried, solution, part) - _EARNED * (len(hands) - 1)
+        value = explained(tried, solution, part) - earned * (len(hands) - 1)
         if best is None or value > best[0]:
             pairs = (*body.pairs, *((part, u) for u in touchers))
             best = value, replace(body, links=there, pairs=pairs)

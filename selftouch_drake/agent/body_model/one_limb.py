@@ -61,7 +61,7 @@ class Limb:
 
     def places(self, q: np.ndarray) -> np.ndarray:
         """`(n, 3)` where it made its touches, of `(n, J)` readings of all touches."""
-        return places(q[np.ix_(self.rows, self.order)], self.chain.twists, self.chain.point)
+        return places(q[self.rows][:, self.order], self.chain.twists, self.chain.point)
 
 
 def moved_together(q: np.ndarray) -> Moved:
@@ -159,9 +159,7 @@ def _by_limb(on_part: np.ndarray, moved: Moved) -> dict[tuple[int, ...], np.ndar
     }
 
 
-def joined(
-    q: np.ndarray, sensation: csr_array, part: int, limbs: Sequence[Limb]
-) -> Mechanism:
+def joined(q: np.ndarray, sensation: csr_array, part: int, limbs: Sequence[Limb]) -> Mechanism:
     """One body of several chains from one part, brought together where they felt the same.
 
     Args:

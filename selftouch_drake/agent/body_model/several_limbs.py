@@ -40,8 +40,8 @@ _TELLING, _NEARLY_SURE = 3, 0.99
 _OWN = 3.0
 # Share of near touches, left out in turn, from which a chain is grown; the whole body is judged.
 _AGREED = 0.5
-# Touches by which chains are searched, and fitted while they find their own touches; rounds of that,
-# and steps of each.
+# Touches by which chains are searched, and fitted while they find their own touches; rounds of
+# that, and steps of each.
 _SEARCHED, _FITTED, _ROUNDS, _STEPS = 256, 500, 3, 40
 
 
@@ -141,7 +141,7 @@ class _Touches:
 
     def _limbs(self) -> tuple[np.ndarray, list[list[int]]]:
         """`(n, U)` probability that each limb made each touch, and joints that tell the limbs."""
-        none = np.zeros((len(self.q), 0)), []
+        none: tuple[np.ndarray, list[list[int]]] = np.zeros((len(self.q), 0)), []
         number = len(self.q) // _NEIGHBOURHOOD
         if number < _FEWEST_NEIGHBOURHOODS:
             return none
@@ -178,7 +178,7 @@ class _Touches:
         """A chain fitted to its own touches, if those left out agree; None if not."""
         some = self._some(own, _FITTED)
         order, chain = _rough(body)
-        q, sensed = self.q[np.ix_(some, order)], self.sensed.some(some)
+        q, sensed = self.q[some][:, order], self.sensed.some(some)
         chain = finished(q, sensed.precision(), chain)
         labels = few.neighbourhoods(sensed, self.search.random)
         verdict = few.left_out_in_turn(q, sensed, labels, chain)
@@ -199,7 +199,7 @@ class _Touches:
                 break
             some = self._some(rows, _FITTED)
             precision = self.sensed.some(some).precision()
-            chain = finished(self.q[np.ix_(some, order)], precision, chain, _STEPS)
+            chain = finished(self.q[some][:, order], precision, chain, _STEPS)
         return rows
 
     def _agree(self, some: np.ndarray, order: list[int], chain: SmoothChain) -> np.ndarray:

@@ -50,9 +50,7 @@ def _told(
 ) -> bool:
     """Whether touches that need both joints tell their order."""
     ways = {
-        ends: way
-        for ends, way in scene.ways.items()
-        if set(pair) <= {joint for joint, _ in way}
+        ends: way for ends, way in scene.ways.items() if set(pair) <= {joint for joint, _ in way}
     }
     if not ways:
         return False

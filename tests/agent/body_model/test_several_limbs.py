@@ -112,8 +112,6 @@ def test_too_few_left_out_judge_nothing():
     q, felt = ARMS[0].touches(200)
     place = ARMS[0].places(q)
     judges = np.arange(len(q)) < 10
-    found = judged_in_turn(
-        csr_array(felt), q, place, place[None], judges, np.random.default_rng(0)
-    )
+    found = judged_in_turn(csr_array(felt), q, place, place[None], judges, np.random.default_rng(0))
     assert not found.accepted
     assert "too few" in found.reason
