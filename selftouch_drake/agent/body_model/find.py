@@ -49,6 +49,7 @@ from selftouch_drake.agent.body_model.structure import (
 )
 from selftouch_drake.agent.body_model.touchers import with_more
 from selftouch_drake.agent.body_model.tree import Tree
+from selftouch_drake.agent.body_model.untold_orders import untold_neighbours
 from selftouch_drake.agent.body_model.who_touched import settled, started
 
 # Touches that a search and a finish look at: more give nothing but time. A cube's places have an
@@ -683,6 +684,8 @@ def _finished_tree(
     else:
         final = alike.without_misplaced(whole, for_all(whole, solution))
     groups = _commuting(tree, adjoint(normalizing(final.place), solution.twists))
+    for pair in untold_neighbours(tree, scene, solution, search.random):
+        _may_change(groups, *pair)
     return Found(
         tree=tree, scene=whole, rows=touches.rows, solution=final, center=touches.center,
         scale=touches.scale, kind=kind, order_group=groups,
@@ -719,9 +722,14 @@ def _commuting(tree: Tree, twists: np.ndarray) -> np.ndarray:
         (w, v), (x, y) = np.split(twists[joint], 2), np.split(twists[above], 2)
         bracket = np.r_[np.cross(w, x), np.cross(w, y) - np.cross(x, v)]
         if np.linalg.norm(bracket) < _COMMUTE * _amount(w, v) * _amount(x, y):
-            group = max(groups[joint], groups[above])
-            groups[[joint, above]] = group if group >= 0 else groups.max() + 1
+            _may_change(groups, joint, above)
     return groups
+
+
+def _may_change(groups: np.ndarray, joint: int, other: int) -> None:
+    """Two joints may change places, with all that either may change with."""
+    group = max(groups[joint], groups[other])
+    groups[[joint, other]] = group if group >= 0 else groups.max() + 1
 
 
 def _amount(w: np.ndarray, v: np.ndarray) -> float:

@@ -84,7 +84,8 @@ class BodyModel(Record):
             touchers' places, in the unit that the places of the kernels give; NaN likewise.
         joint_kind: `(J,)` values of `JointKind`.
         order_group: `(J,)` joints of the same number, 0 or more, may change places in the order,
-            because their axes coincide or commute; -1 where the order is known.
+            because their axes coincide or commute, or touches do not tell; -1 where the order is
+            known.
         part_link: `(P,)` the joint whose link wears each part, or `BASE`; `UNUSED` if unknown.
         toucher_link: `(U,)` the joint whose link carries each toucher, or `BASE`.
         toucher_place: `(U, 3)` its centre, in the frame of its link.
