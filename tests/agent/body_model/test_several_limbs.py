@@ -18,17 +18,17 @@ EACH = 700
 ARMS = ArmOnBall(1), ArmOnBall(2)
 
 
-def touches_of_two_arms(seed=0):
+def touches_of_two_arms(each=EACH, seed=0):
     """`(n, 8)` readings, `(n, S)` sensations and the arm that touched, in any order."""
     random = np.random.default_rng(seed)
-    q = random.uniform(-1.5, 1.5, (2 * EACH, 8))
+    q = random.uniform(-1.5, 1.5, (2 * each, 8))
     felt = []
     for number, arm in enumerate(ARMS):
-        own = slice(number * EACH, (number + 1) * EACH)
-        q[own, 4 * number : 4 * number + 4], one = arm.touches(EACH, seed=seed + number)
+        own = slice(number * each, (number + 1) * each)
+        q[own, 4 * number : 4 * number + 4], one = arm.touches(each, seed=seed + number)
         felt.append(one)
-    order = random.permutation(2 * EACH)
-    who = np.repeat([0, 1], EACH)
+    order = random.permutation(2 * each)
+    who = np.repeat([0, 1], each)
     return q[order], csr_array(np.concatenate(felt))[order], who[order]
 
 
@@ -54,7 +54,7 @@ def test_two_arms_that_touch_one_ball_are_told_apart():
 
 @pytest.mark.slow
 def test_a_body_of_two_arms_is_found_and_accepted():
-    q, felt, who = touches_of_two_arms()
+    q, felt, who = touches_of_two_arms(1500)
     part = np.zeros(len(q), dtype=int)
     target, of_label = neighbourhoods_of_parts(felt, part, 10, np.random.default_rng(0))
     names = [f"joint {number}" for number in range(8)]
