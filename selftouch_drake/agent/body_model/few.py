@@ -114,8 +114,7 @@ def found_by_sensation(
     least = np.inf
     best: tuple[list[int], SmoothChain, np.ndarray | None, Judgement] | None = None
     for body in found_chains(search, used[some], smooth, joints):
-        order = structure.order_of(body.ways[0][0])
-        rough = SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
+        order, rough = rough_chain(body)
         unit = None if search.scale is None else search.scale[order]
         chain, unit, verdict = _judged(q[:, order], precision, sensed, labels, rough, unit)
         cost = chain.criterion + _complexity(len(q), len(order), unit)
@@ -156,6 +155,12 @@ def found_chains(
             yield from structure.found_chains(
                 search, group, joints, populations=1, chains=times * structure.CHAINS
             )
+
+
+def rough_chain(body: Bodies) -> tuple[list[int], SmoothChain]:
+    """The joints of a chain of a search, in their order, and where its fit begins."""
+    order = structure.order_of(body.ways[0][0])
+    return order, SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)
 
 
 def _complexity(number: int, length: int, unit: np.ndarray | None) -> float:

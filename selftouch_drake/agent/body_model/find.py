@@ -335,9 +335,9 @@ def _find_several_limbs(
         return of_several_limbs(search, touches.q, felt, part, purpose == 0)
 
     purpose = held_out(touches.q, search.random)
-    # Target sensations are finer than so few touches can fill.
 
     def labelled(each: int) -> StandardTouches:
+        # Target sensations are finer than so few touches can fill.
         target, of_label = neighbourhoods_of_parts(felt, part, each, search.random)
         return replace(touches, target=target, part=of_label)
 
@@ -555,10 +555,11 @@ def judge_parts_by_sensation(
         random: where neighbourhoods begin.
     """
     verdicts, proved = dict[int, Judgement](), set[int]()
+    everywhere = solution_places(scene, solution)
 
     def judged_so(part: int, judges: np.ndarray) -> Judgement:
         rows, touchers = scene.rows(part), scene.touchers(part)
-        there = solution_places(scene, solution)[touchers][:, rows]
+        there = everywhere[touchers][:, rows]
         share = solution.share[np.ix_(rows, touchers)]
         own = there[share.argmax(axis=1), np.arange(len(rows))]
         own[share.sum(axis=1) < 0.5] = np.nan

@@ -22,7 +22,6 @@ from selftouch_drake.agent.body_model.one_limb import Limb, joined, largest_firs
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
 from selftouch_drake.agent.body_model.structure import (
     Search,
-    order_of,
     pair_statistic,
     pruned,
 )
@@ -177,7 +176,7 @@ class _Touches:
     def _judged(self, own: np.ndarray, body: Bodies) -> Limb | None:
         """A chain fitted to its own touches, if those left out agree; None if not."""
         some = self._some(own, _FITTED)
-        order, chain = _rough(body)
+        order, chain = few.rough_chain(body)
         q, sensed = self.q[some][:, order], self.sensed.some(some)
         chain = finished(q, sensed.precision(), chain)
         labels = few.neighbourhoods(sensed, self.search.random)
@@ -188,7 +187,7 @@ class _Touches:
 
     def _own(self, rows: np.ndarray, body: Bodies) -> np.ndarray:
         """The touches of a chain, which made most of the rows."""
-        order, chain = _rough(body)
+        order, chain = few.rough_chain(body)
         among = np.zeros(len(self.q), dtype=bool)
         among[rows] = True
         for turn in range(_ROUNDS):
@@ -220,9 +219,3 @@ class _Touches:
 
     def _some(self, rows: np.ndarray, most: int) -> np.ndarray:
         return np.sort(self.search.random.permutation(rows)[:most])
-
-
-def _rough(body: Bodies) -> tuple[list[int], SmoothChain]:
-    """The joints of a chain of a search, and where its fit begins."""
-    order = order_of(body.ways[0][0])
-    return order, SmoothChain(body.twists[0][order], body.points[0, 0], np.inf)

@@ -1,8 +1,8 @@
 """Which neighbours in a tree may change places, as far as touches tell.
 
-Neighbours may change places if a body with the two exchanged, fitted as well as it can
-be, leaves touches about as near to their kernels: two turns of a wrist, whose readings range over
-little, of a hand that is no point. Their order is printed, and said to be open.
+They may if a body with the two exchanged, fitted as well as it can be, leaves touches about as near
+to their kernels: two turns of a wrist, whose readings range over little, of a hand that is no
+point. Their order is printed, and said to be open.
 """
 
 from dataclasses import replace
@@ -66,11 +66,11 @@ def _told(
     noise = np.nanmean(begun.sigma[parts])
     if np.nanmedian(np.linalg.norm(moved, axis=2)) > _PLAIN * noise:
         return True
-    fits = [
-        refined(one, started(one, solution.twists, solution.points), steps=_STEPS)
-        for one in (as_it_is, exchanged)
-    ]
-    one, other = (_scatter(*both) for both in zip((as_it_is, exchanged), fits, strict=True))
+    begins = begun, started(exchanged, solution.twists, solution.points)
+    one, other = (
+        _scatter(scene, refined(scene, begin, steps=_STEPS))
+        for scene, begin in zip((as_it_is, exchanged), begins, strict=True)
+    )
     worse = np.log(other) - np.log(one)
     worse = worse[np.isfinite(worse)]
     error = worse.std() / np.sqrt(max(len(worse), 1))
