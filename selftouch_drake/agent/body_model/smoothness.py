@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from scipy.sparse import csr_array
-from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.body_model.chain import derivatives, places
@@ -72,6 +71,8 @@ class Sensed:
 
     def neighbourhoods(self, number: int, random: np.random.Generator) -> np.ndarray:
         """`(n,)` labels of touches that feel alike: at most so many labels."""
+        from sklearn.cluster import KMeans  # takes a second, which plans need not wait for
+
         means = KMeans(min(number, len(self.share)), random_state=int(random.integers(2**31)))
         # Threads add up in any order.
         with threadpool_limits(1):
