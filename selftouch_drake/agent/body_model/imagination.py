@@ -73,7 +73,8 @@ class Leg:
         node: `(T,)` the target sensation at each; `NO_KERNEL` where nothing is felt.
         in_air: whether the touch is lost on purpose.
         error: the farthest that the toucher is from its way across the skin, beyond the first
-            knots, or from its end, in distances of kernels; 0 in the air.
+            knots, from its end, or beyond an edge of what is known of the skin, in distances of
+            kernels; 0 in the air.
         deep: how much deeper than ever own parts are in each other on it, in distances of kernels;
             0 if they are not.
         beside: whether something else is pressed at its end.
@@ -436,7 +437,7 @@ class Imagination:
         return Leg(
             x=x,
             node=_felt_on(skin, x, goal),
-            error=float(_missed(skin, x[None], way)[0]),
+            error=max(float(_missed(skin, x[None], way)[0]), _beyond(skin, x)),
             deep=self._deep(x),
             beside=beside,
         )
@@ -588,6 +589,12 @@ def _missed(skin: Lifter, x: np.ndarray, way: SkinWay) -> np.ndarray:
     across = np.abs(np.einsum("nta,ta->nt", off, normal))[:, _BEGUN * _BETWEEN :]
     end = np.linalg.norm(off[:, -1], axis=1)
     return np.maximum(across.max(axis=1), end) / skin.surface.spacing
+
+
+def _beyond(skin: Lifter, x: np.ndarray) -> float:
+    """How far a motion `(T, J)` leads beyond the skin that is known, in distances of kernels."""
+    at = skin.centres(dense(x)[_BEGUN * _BETWEEN :])
+    return float(skin.surface.beyond(at).max())
 
 
 def _cost(x: np.ndarray, error: float) -> float:

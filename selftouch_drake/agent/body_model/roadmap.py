@@ -160,14 +160,17 @@ class Roadmap:
         return samples, np.maximum(length / (count - 1), 0.1)
 
     def _put(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Postures `(n, J)` put onto the skin below them, and how far they miss it, in kernels."""
+        """Postures `(n, J)` put onto the skin below them, and how far they miss it.
+
+        That is in distances of kernels, above it or beyond its edge.
+        """
         on_it, normal = self._surface.projected(self._lifter.centres(x))
         # From afar, planes lead beside the surface; from there, onto it.
         on_it, normal = self._surface.projected(on_it)
         x = self._lifter.put(x, on_it, normal, steps=5)
         at = self._lifter.places(x, normal)[0]
-        off = np.linalg.norm(at - self._surface.projected(at)[0], axis=1)
-        return x, off / self._surface.spacing
+        off = np.linalg.norm(at - self._surface.projected(at)[0], axis=1) / self._surface.spacing
+        return x, np.maximum(off, self._surface.beyond(at))
 
     def _keys(self, x: np.ndarray) -> np.ndarray:
         """`(n, 3 + L)`: distances of kernels on the skin count as mu in the joints."""

@@ -27,6 +27,10 @@ _FINE = 0.5
 _JOINED, _GAP = 10, 4.0
 # Nodes whose middle and plane are the surface about one, and those that are blended.
 _ABOUT, _BLENDED = 9, 5
+# A place is amid the nodes nearest to it if it is nearer to their middle than this share of the
+# distance at which nodes have as many. Of 290 plans over three bodies (3,000 touches) those that
+# kept contact went to 0.97 at most; where one lost it for long it was beyond 1.8.
+_AMID = 0.95
 # Rounds in which a way over nodes becomes straight.
 _ROUNDS = 25
 # Touches of a kernel count as firm above this quantile of their strength.
@@ -99,6 +103,27 @@ class TouchedSurface:
         """`(n,)` how high above the surface `(n, 3)` places are, negative below it."""
         on_it, normal = self.projected(at)
         return np.einsum("na,na->n", at - on_it, normal)
+
+    def beyond(self, at: np.ndarray) -> np.ndarray:
+        """`(n,)` how far places are beyond where touches were, in distances of kernels; 0 within.
+
+        Within, a place lies amid the nodes nearest to it. Beyond an edge all of them lie on one
+        side, and their planes say nothing.
+
+        Args:
+            at: `(n, 3)` places on the surface.
+        """
+        near = self.nodes.query(at, k=min(_BLENDED, len(self.node)))[1]
+        off = at - self.node[near].mean(axis=1)
+        normal = self.normal[near[:, 0]]
+        off -= np.einsum("na,na->n", off, normal)[:, None] * normal
+        return np.maximum(np.linalg.norm(off, axis=1) - _AMID * self._gap, 0.0) / self.spacing
+
+    @cached_property
+    def _gap(self) -> float:
+        """The median distance of a node from the last of as many others as are blended."""
+        far = self.nodes.query(self.node, k=min(_BLENDED + 1, len(self.node)))[0]
+        return float(np.median(far[:, -1]))
 
     def way(self, start: np.ndarray, goal: np.ndarray, num: int) -> np.ndarray | None:
         """`(num, 3)` evenly spaced places on a short way over the surface; None if there is none.
@@ -176,7 +201,11 @@ def _surface(
     unknown = ~side.any(axis=1)
     side[unknown] = (node - node.mean(axis=0))[unknown]
     normal *= np.where(np.einsum("ma,ma->m", normal, side) < 0, -1.0, 1.0)[:, None]
-    node = node - np.einsum("ma,ma->m", node - middle, normal)[:, None] * normal
+    # Where the skin is bent the middle lies below it, by half of what neighbours' planes rise.
+    turned = normal[near[:, : _ABOUT + 1]] - normal[:, None]
+    below = 0.5 * np.einsum("mka,mka->mk", off, turned).mean(axis=1)
+    above = np.einsum("ma,ma->m", node - middle, normal)
+    node = node - (above - below)[:, None] * normal
     joined = far[:, 1:] <= _GAP * _FINE * spacing
     first = np.repeat(np.arange(len(node)), joined.sum(axis=1))
     second = near[:, 1:][joined]
