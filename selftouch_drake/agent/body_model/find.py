@@ -47,6 +47,7 @@ from selftouch_drake.agent.body_model.structure import (
     pair_statistic,
     swap_costs,
 )
+from selftouch_drake.agent.body_model.torn_parts import torn_apart
 from selftouch_drake.agent.body_model.touchers import with_more
 from selftouch_drake.agent.body_model.tree import Tree
 from selftouch_drake.agent.body_model.untold_orders import untold_neighbours
@@ -279,8 +280,12 @@ def _grown(
     search: Search, touches: StandardTouches, purpose: np.ndarray, seed: int, *, hands: bool
 ) -> Found | None:
     """The body of any tree; None if no part gives a chain."""
-    body = grow.grown(search, touches.scene({}), purpose > 0, touches.moving, hands=hands)
-    return None if body is None else _finished_tree(search, touches, body, purpose, seed)
+    scene, tested = touches.scene({}), purpose > 0
+    body = grow.grown(search, scene, tested, touches.moving, hands=hands)
+    if body is None:
+        return None
+    part, body = torn_apart(body, search, scene, tested, touches.moving)
+    return _finished_tree(search, replace(touches, part=part), body, purpose, seed)
 
 
 def _any_accepted(found: Found | None) -> bool:

@@ -88,6 +88,10 @@ class Links:
             by_link.setdefault(self.toucher[toucher], []).append(toucher)
         return list(by_link.values())
 
+    def ways_to(self, part: int, link: int, touchers: Iterable[int]) -> dict[tuple[int, int], Way]:
+        """Ways of touchers to a part, if a link wears it."""
+        return {(part, u): self.way(link, self.toucher[u]) for u in touchers}
+
     def reaching(self, link: int) -> list[int]:
         """Touchers that have joints enough on their way to touch all of a part on a link."""
         return [u for u, other in self.toucher.items() if len(self.way(link, other)) >= 3]
@@ -169,6 +173,16 @@ def explained(scene: Scene, solution: Solution, part: int, *, of_known: bool = T
         part: which part.
         of_known: only touches of kernels whose places are known count.
     """
+    near, known = near_own(scene, solution, part)
+    return float(near.sum() / max(known.sum() if of_known else len(known), 1))
+
+
+def near_own(scene: Scene, solution: Solution, part: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which touches of a part are nearer to their own kernel than kernels lie to each other.
+
+    Both `(n,)` bool, of the part's rows; the second is where the place of the kernel is known.
+    Arguments are those of `explained`.
+    """
     rows = scene.rows(part)
     touchers = scene.touchers(part)
     Y = all_places(scene, solution.twists, solution.points)[touchers][:, rows]
@@ -177,13 +191,12 @@ def explained(scene: Scene, solution: Solution, part: int, *, of_known: bool = T
     y = Y[own.argmax(axis=1), np.arange(len(rows))]
     y[own.sum(axis=1) < 0.5] = np.nan
     middle = kernel_medians(y, target, len(scene.part), least=4)
-    known = np.flatnonzero(np.isfinite(middle).all(axis=1))
-    if len(known) < 8:
-        return 0.0
-    apart = neighbour_distance(middle[known])
-    far = away_from_kernels(Y, middle, target)
-    number = np.isfinite(middle[target][:, 0]).sum() if of_known else len(rows)
-    return float((far[np.isfinite(far)] < apart).sum() / max(number, 1))
+    found = np.isfinite(middle).all(axis=1)
+    known = found[target]
+    if found.sum() < 8:
+        return np.zeros(len(rows), dtype=bool), known
+    apart = neighbour_distance(middle[found])
+    return away_from_kernels(Y, middle, target) < apart, known
 
 
 def dense_rows(
@@ -274,8 +287,7 @@ def _hung_there(
     while hands:
         touchers = sorted(itertools.chain(*hands))
         there = replace(links, part={**links.part, part: link})
-        ways = {(part, u): there.way(link, there.toucher[u]) for u in touchers}
-        tried = replace(some, ways=ways)
+        tried = replace(some, ways=links.ways_to(part, link, touchers))
         solution = started(tried, body.twists, body.points)
         value = explained(tried, solution, part) - earned * (len(hands) - 1)
         if best is None or value > best[0]:
@@ -319,8 +331,7 @@ def with_late_touchers(scene: Scene, body: Mechanism, random: np.random.Generato
 def _covered(some: Scene, body: Mechanism, part: int, touchers: list[int]) -> float:
     """Share of all touches of a part that are explained if these touchers made them."""
     links = body.links
-    ways = {(part, u): links.way(links.part[part], links.toucher[u]) for u in touchers}
-    tried = replace(some, ways=ways)
+    tried = replace(some, ways=links.ways_to(part, links.part[part], touchers))
     return explained(tried, started(tried, body.twists, body.points), part, of_known=False)
 
 

@@ -58,8 +58,10 @@ _FEWEST, _FEWEST_OF_LIMB = 600, 300
 _LIKELY = 0.5
 # Touches whose sensations lead a search for the chain of a hand.
 _FELT = 500
-# Share of explained touches above which a chain is a seed, and a part joins the tree.
-_SEED, _JOINS = 0.75, 0.7
+# Share of explained touches above which a chain is a seed.
+_SEED = 0.75
+#: Share of explained touches above which a part joins the tree.
+JOINS = 0.7
 # A chain that explains less by one point of its hand may explain more by several; if it is right it
 # explains this share by one, and a larger one by several: of ten chains of the iCub's left hand the
 # right one reached 0.93, and that of a joint left out 0.77.
@@ -435,7 +437,7 @@ class _Grower:
         for part in waiting:
             best = hung(self._training, body, part, self.search.random)
             self.search.tick()
-            if best is not None and best[0] > _JOINS:
+            if best is not None and best[0] > JOINS:
                 body, added = best[1], True
             elif best is not None and not set(self.held[part]) - set(body.links.ends):
                 nearly.append((best[0], part, best[1]))
@@ -461,7 +463,7 @@ class _Grower:
             share = self._explained(bigger, part, rows)
             if share < _HOPE:
                 return None
-            if share > _JOINS:
+            if share > JOINS:
                 return bigger if self._keeps(body, bigger) else None
         return None
 
@@ -481,7 +483,7 @@ class _Grower:
         for part in sorted(waiting, key=lambda p: (p not in self.chains, len(self.rows[p]))):
             for bigger in self._attachments(body, part):
                 some = dense_rows(self.scene.target, self.rows[part], self.search.random)
-                if self._explained(bigger, part, some) > _JOINS:
+                if self._explained(bigger, part, some) > JOINS:
                     return self.bundled(bigger)
                 settled = self._settled(body, bigger, part, some)
                 if settled is not None:
