@@ -31,6 +31,10 @@ _ABOUT, _BLENDED = 9, 5
 # distance at which nodes have as many. Of 290 plans over three bodies (3,000 touches) those that
 # kept contact went to 0.97 at most; where one lost it for long it was beyond 1.8.
 _AMID = 0.95
+# The middle of neighbours is so many times as far below a bent skin as their planes rise: half of
+# that where the skin is round; at an edge planes turn less than the skin. Without it 92 % of plans
+# over two cubes (3,000 touches) were perfect, with 0.5 98, with 0.75 99, with 1 99.
+_BENT = 0.75
 # Rounds in which a way over nodes becomes straight.
 _ROUNDS = 25
 # Touches of a kernel count as firm above this quantile of their strength.
@@ -189,23 +193,10 @@ def _surface(
         return None
     nodes = cKDTree(node)
     far, near = nodes.query(node, k=min(_JOINED + 1, len(node)))
-    about = node[near[:, : _ABOUT + 1]]
-    middle = about.mean(axis=1)
-    off = about - middle[:, None]
-    normal = np.linalg.eigh(np.einsum("mka,mkb->mab", off, off))[1][:, :, 0]
     # Kernels know which side is outside.
     side = np.zeros_like(node)
     np.add.at(side, at, np.nan_to_num(outward[firm]))
-    side = side[near].sum(axis=1)
-    # Without them, the outside is away from the middle.
-    unknown = ~side.any(axis=1)
-    side[unknown] = (node - node.mean(axis=0))[unknown]
-    normal *= np.where(np.einsum("ma,ma->m", normal, side) < 0, -1.0, 1.0)[:, None]
-    # Where the skin is bent the middle lies below it, by half of what neighbours' planes rise.
-    turned = normal[near[:, : _ABOUT + 1]] - normal[:, None]
-    below = 0.5 * np.einsum("mka,mka->mk", off, turned).mean(axis=1)
-    above = np.einsum("ma,ma->m", node - middle, normal)
-    node = node - (above - below)[:, None] * normal
+    node, normal = _smooth(node, near[:, : _ABOUT + 1], side[near].sum(axis=1))
     joined = far[:, 1:] <= _GAP * _FINE * spacing
     first = np.repeat(np.arange(len(node)), joined.sum(axis=1))
     second = near[:, 1:][joined]
@@ -223,6 +214,28 @@ def _surface(
         kernel=known,
         kernel_place=kernel_place,
     )
+
+
+def _smooth(node: np.ndarray, near: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes on planes through their neighbours, raised where the skin is bent, and the normals.
+
+    Args:
+        node: `(m, 3)` rough places.
+        near: `(m, k)` neighbours of each, itself among them.
+        side: `(m, 3)` directions that look outside; zeros where nobody knows.
+    """
+    about = node[near]
+    middle = about.mean(axis=1)
+    off = about - middle[:, None]
+    normal = np.linalg.eigh(np.einsum("mka,mkb->mab", off, off))[1][:, :, 0]
+    # Where nobody knows, the outside is away from the middle.
+    side = np.where(side.any(axis=1)[:, None], side, node - node.mean(axis=0))
+    normal *= np.where(np.einsum("ma,ma->m", normal, side) < 0, -1.0, 1.0)[:, None]
+    # Where the skin is bent the middle lies below it.
+    turned = normal[near] - normal[:, None]
+    below = _BENT * np.einsum("mka,mka->mk", off, turned).mean(axis=1)
+    above = np.einsum("ma,ma->m", node - middle, normal)
+    return node - (above - below)[:, None] * normal, normal
 
 
 def _firm(strength: np.ndarray, kernel: np.ndarray) -> np.ndarray:
