@@ -1,7 +1,7 @@
 """One tree from chains: skins hung where they fit, hands and joints added one after another."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,8 @@ _LATE = 0.5
 _KERNELS_OF_BOTH, _BRANCHES = 8, 0.3
 # Joints that a hypothesis may have too many or too few, compared with a chain found alone.
 _APART = 2
+# Hypotheses that are fitted to their end.
+_FITTED = 8
 # Neighbours that nearly commute may change places where a part hangs between them: the bracket of
 # their twists, relative to their sizes. Whether they do is left to the touches.
 _COMMUTE = 0.3
@@ -491,10 +493,18 @@ def attached(
             bodies.points[index, 0] = body.points[known[int(random.integers(len(known)))]]
     how = Descent(steps=300, tail=8.0, kernels=30)
     tried = search.descended([group], bodies, how)
-    order = np.argsort(tried.loss[:, 0], kind="stable")[:8]
+    order = _best_of_each([h[:4] for h in hypotheses], tried.loss[:, 0])[:_FITTED]
     tried = search.descended([group], tried.pick(order), replace(how, steps=600, rate=0.02))
     ranked = np.argsort(tried.loss[:, 0], kind="stable")
     return [_with(body, part, hypotheses[order[k]], tried.pick([k])) for k in ranked]
+
+
+def _best_of_each(hypotheses: Sequence[Hashable], loss: np.ndarray) -> list[int]:
+    """The sharpest start of each hypothesis, by number, the sharpest first."""
+    best = dict[Hashable, int]()
+    for number in np.argsort(loss, kind="stable").tolist():
+        best.setdefault(hypotheses[number], number)
+    return list(best.values())
 
 
 def _with(body: Mechanism, part: int, hypothesis, tried: Bodies) -> Mechanism:

@@ -263,12 +263,16 @@ class _Grower:
     def look_again(self, part: int) -> bool:
         """Looks for more chains of a part that has one, and keeps the sharpest; whether it is new.
 
-        The first chain that explains most touches may have two joints at wrong places.
+        The first chain that explains most touches may have two joints at wrong places. One by more
+        points of a hand is sharper, right or wrong.
         """
         before = self.chains[part]
+        points = before.points.shape[1]
         for body in found_chains(self.search, self.groups[part], self.holding[part]):
             proved, _ = self._proved(body, self.groups[part].rows, part)
-            if proved is not None and proved.loss.sum() < self._loss(part):
+            if proved is None or proved.points.shape[1] > points:
+                continue
+            if proved.loss.sum() < self._loss(part):
                 self.chains[part] = proved
         return self.chains[part] is not before
 
