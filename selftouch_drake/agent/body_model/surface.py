@@ -229,7 +229,8 @@ def _smooth(node: np.ndarray, near: np.ndarray, side: np.ndarray) -> tuple[np.nd
     off = about - middle[:, None]
     normal = np.linalg.eigh(np.einsum("mka,mkb->mab", off, off))[1][:, :, 0]
     # Where nobody knows, the outside is away from the middle.
-    side = np.where(side.any(axis=1)[:, None], side, node - node.mean(axis=0))
+    known = np.any(side != 0, axis=1, keepdims=True)
+    side = np.where(known, side, node - node.mean(axis=0))
     normal *= np.where(np.einsum("ma,ma->m", normal, side) < 0, -1.0, 1.0)[:, None]
     # Where the skin is bent the middle lies below it.
     turned = normal[near] - normal[:, None]
