@@ -222,7 +222,7 @@ def look(name: str, seed: int, args: argparse.Namespace) -> list[tuple[float, fl
     place = model.place(readings, target)
     result = []
     for number in range(len(model.accepted_by_part)):
-        own = (part[target] == number) & truth.single & np.isfinite(place).all(axis=1)
+        own = (model.kernel_part[target] == number) & truth.single & np.isfinite(place).all(axis=1)
         errors, touched = (np.nan, np.nan), ""
         if own.sum() > 20:
             errors = off(place[own], truth.place[own], target[own], truth.skin[own])

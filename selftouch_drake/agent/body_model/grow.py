@@ -178,9 +178,10 @@ class _Grower:
             probe[p] = float(found.loss.sum(axis=1).min())
         by_probe = sorted(ripe, key=lambda p: probe[p])
         # Cheap trials first: a mixture of hands has no chain, however long one looks for it. Of
-        # several chains the sharpest one begins: a blunt one may have a wrong order.
+        # several chains the sharpest one begins: a blunt one may have a wrong order. One by several
+        # points of a hand is sharper, right or wrong: of an infant's it had left out the wrist.
         sharp = [p for p in by_probe[:_PROBED] if self.chain(p, 1) is not None]
-        sharp.sort(key=self._loss)
+        sharp.sort(key=lambda p: (self._num_points(p), self._loss(p)))
         if sharp:
             yield self._of_chain(sharp[0])
             for p in sharp[:_LOOKED_AGAIN]:
@@ -263,11 +264,9 @@ class _Grower:
     def look_again(self, part: int) -> bool:
         """Looks for more chains of a part that has one, and keeps the sharpest; whether it is new.
 
-        The first chain that explains most touches may have two joints at wrong places. One by more
-        points of a hand is sharper, right or wrong.
+        The first chain that explains most touches may have two joints at wrong places.
         """
-        before = self.chains[part]
-        points = before.points.shape[1]
+        before, points = self.chains[part], self._num_points(part)
         for body in found_chains(self.search, self.groups[part], self.holding[part]):
             proved, _ = self._proved(body, self.groups[part].rows, part)
             if proved is None or proved.points.shape[1] > points:
@@ -279,6 +278,10 @@ class _Grower:
     def _loss(self, part: int) -> float:
         """The criterion of a part's chain."""
         return float(self.chains[part].loss.sum())
+
+    def _num_points(self, part: int) -> int:
+        """Points of the hand of a part's chain."""
+        return self.chains[part].points.shape[1]
 
     def _of_chain(self, part: int) -> Mechanism:
         """A body of the chain of a part."""
