@@ -78,6 +78,27 @@ def test_a_blunter_chain_does_not_replace_a_sharper_one(monkeypatch):
     bent = chain(WRONG, twists, point, -9.0)
     monkeypatch.setattr(grow, "found_chains", lambda *args: [bent])
     assert not grower.look_again(0)
+    # Nor one by several points of a hand.
+    blunt = replace(sharper, points=np.repeat(point[None, None], 4, axis=1))
+    monkeypatch.setattr(grower, "_proved", lambda *args: (blunt, 1.0))
+    assert not grower.look_again(0)
+
+
+def test_a_tree_begins_with_a_chain_by_one_point_of_a_hand(monkeypatch):
+    scene, twists, point = two_skins()
+    search = Search(scene.q.T.astype(np.float32), np.random.default_rng(0))
+    grower = grow._Grower(search, scene, np.zeros(len(scene.q), dtype=bool), RIGHT)
+    grower.chains[0] = chain(RIGHT, twists, point, -1.0)
+    several = chain(WRONG, twists, point, -9.0)
+    grower.chains[1] = replace(several, points=np.repeat(point[None, None], 4, axis=1))
+    monkeypatch.setattr(grow, "population", lambda *args, **more: chain(RIGHT, twists, point, -1.0))
+    monkeypatch.setattr(grower, "bundled", lambda body: body)
+    assert list(next(grower.seeds()).links.part) == [0]
+
+
+def test_hypotheses_compete_with_the_best_start_of_each():
+    loss = np.array([3.0, 1.0, 1.5, 2.0, 0.5])
+    assert forest._best_of_each(["a", "b", "b", "c", "b"], loss) == [4, 3, 0]
 
 
 def test_a_hand_that_came_later_than_a_part_touches_it_if_that_explains_more():
