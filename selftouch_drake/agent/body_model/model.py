@@ -91,7 +91,8 @@ class BodyModel(Record):
         toucher_place: `(U, 3)` its centre, in the frame of its link.
         toucher_shape: `(U, 5)` its surface, less a ball: coefficients of a support function over
             `SHAPE_BASIS`; zeros for a point or a ball.
-        kernel_part: `(K,)` part of each target sensation.
+        kernel_part: `(K,)` part of each target sensation: those of the graph, the first ones, and
+            more where the tree tells skins apart that the graph joins.
         kernel_place: `(K, 3)` place of the toucher's centre there, in the frame of the part's link;
             NaN where unknown.
         kernel_normal: `(K, 3)` outward normal of the skin there; NaN where unknown.
@@ -466,7 +467,8 @@ def rejected(
     Args:
         reason: why, in a plain sentence, or `off`.
         joint_names: `(J,)` names of the joints.
-        kernel_part: `(K,)` part of each target sensation.
+        kernel_part: `(K,)` part of each target sensation: those of the graph, the first ones, and
+            more where the tree tells skins apart that the graph joins.
         num_rows: R, stored touches.
         num_receptors: S.
         seed: of the fit that was tried, if any.
