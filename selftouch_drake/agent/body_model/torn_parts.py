@@ -1,7 +1,7 @@
 """Parts of the graph that are skins of two links: a tree of joints tells them apart.
 
 Touches that press two skins at once join them in the graph of the paper. Neither link explains such
-a part as a whole, but each explains kernels of its own.
+a part as a whole, but each explains kernels of its own, and all that the other one does not.
 """
 
 from dataclasses import replace
@@ -52,12 +52,14 @@ def torn_apart(
         of_kernel = scene.part.copy()
         of_kernel[rest] = new = int(scene.part.max()) + 1
         torn = replace(scene, part=of_kernel)
-        best = hung(torn.some(rows), body, part, search.random)
-        if best is None or best[0] < grow.JOINS:
-            continue
-        body, scene = grow.full(best[1], search, torn, tested, moving), torn
-        if new not in body.links.part:
-            waiting.append(new)
+        bigger = body
+        for one in (part, new):
+            share, found = hung(torn.some(rows), bigger, one, search.random) or (0.0, bigger)
+            bigger = found if share > grow.JOINS else bigger
+        # On one link both would be one skin.
+        links = [bigger.links.part.get(one) for one in (part, new)]
+        if None not in links and links[0] != links[1]:
+            body, scene = grow.full(bigger, search, torn, tested, moving), torn
     return scene.part, body
 
 
