@@ -217,6 +217,11 @@ def dense_rows(
     return np.sort(np.concatenate(picked)) if picked else rows[:0]
 
 
+def places_of_parts(body: Mechanism) -> list[tuple[int, Mechanism]]:
+    """Links that may wear a part, each with the body of which it is one."""
+    return [(link, body) for link in range(body.links.number)] + swapped(body)
+
+
 def swapped(body: Mechanism) -> list[tuple[int, Mechanism]]:
     """Bodies in which two neighbours that nearly commute change places, with the link between.
 
@@ -273,8 +278,7 @@ def hung(
     some = scene.some(dense_rows(scene.target, scene.rows(part), random))
     if len(some.q) == 0:
         return None
-    places = [(link, body) for link in range(body.links.number)] + swapped(body)
-    found = (_hung_there(some, one, part, link) for link, one in places)
+    found = (_hung_there(some, one, part, link) for link, one in places_of_parts(body))
     return max((one for one in found if one), key=lambda one: one[0], default=None)
 
 

@@ -1,10 +1,9 @@
 """Parts of the graph that are skins of two links: a tree of joints tells them apart.
 
-Touches that press two skins at once join them in the graph of the paper. No link explains such a
-part as a whole, but each explains kernels of its own.
+Touches that press two skins at once join them in the graph of the paper. Neither link explains such
+a part as a whole, but each explains kernels of its own, and all that the other one does not.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from selftouch_drake.agent.body_model.forest import (
     dense_rows,
     hung,
     near_own,
+    places_of_parts,
 )
 from selftouch_drake.agent.body_model.scene import Scene
 from selftouch_drake.agent.body_model.structure import Search
@@ -43,56 +43,42 @@ def torn_apart(
         `(K,)` part of each target sensation, new ones numbered after all others, and the body.
     """
     waiting = [part for part in np.unique(scene.part).tolist() if part not in body.links.part]
-    for part in waiting:
+    while waiting:
+        part = waiting.pop()
         rows = np.flatnonzero(~tested & (scene.part[scene.target] == part))
-        pieces = _pieces(scene.some(rows), body, search)
-        if len(pieces) < 2:
+        own = _kernels_of_one_link(scene.some(rows), body, part, search)
+        rest = np.setdiff1d(np.flatnonzero(scene.part == part), own)
+        if len(own) < _FEWEST or len(rest) < _FEWEST:
             continue
-        # What no link explains stays with the largest.
-        numbers = [part, *range(scene.part.max() + 1, scene.part.max() + len(pieces))]
         of_kernel = scene.part.copy()
-        for number, own in zip(numbers, pieces, strict=True):
-            of_kernel[own] = number
-        torn, bigger = replace(scene, part=of_kernel), body
-        for number in numbers:
-            share, found = hung(torn.some(rows), bigger, number, search.random) or (0.0, bigger)
+        of_kernel[rest] = new = int(scene.part.max()) + 1
+        torn = replace(scene, part=of_kernel)
+        bigger = body
+        for one in (part, new):
+            share, found = hung(torn.some(rows), bigger, one, search.random) or (0.0, bigger)
             bigger = found if share > grow.JOINS else bigger
-        links = {bigger.links.part.get(number) for number in numbers} - {None}
-        # On one link they would be one skin.
-        if len(links) > 1:
+        # On one link both would be one skin.
+        links = [bigger.links.part.get(one) for one in (part, new)]
+        if None not in links and links[0] != links[1]:
             body, scene = grow.full(bigger, search, torn, tested, moving), torn
     return scene.part, body
 
 
-def _pieces(touches: Scene, body: Mechanism, search: Search) -> list[np.ndarray]:
-    """Kernels of a part, of which touches are given, by the link that explains them.
-
-    First those of the link that explains most touches.
-    """
-    part = int(touches.part[touches.target[0]])
+def _kernels_of_one_link(touches: Scene, body: Mechanism, part: int, search: Search) -> np.ndarray:
+    """The kernels that the link explains that explains most touches of a part."""
+    rows = np.arange(len(touches.q))
     number = _OF_KERNEL * len(np.unique(touches.target))
-    some = dense_rows(touches.target, np.arange(len(touches.q)), search.random, number)
-    left, pieces = touches.some(some), list[np.ndarray]()
-    while len(left.q):
-        own = max(_explained_by_links(left, body, part), key=lambda one: one[0])[1]
-        if len(own) < _FEWEST:
-            break
-        pieces.append(own)
-        left = left.some(np.flatnonzero(~np.isin(left.target, own)))
-    return pieces
-
-
-def _explained_by_links(
-    touches: Scene, body: Mechanism, part: int
-) -> Iterator[tuple[float, np.ndarray]]:
-    """For each link how many touches it explains, of the kernels that it explains, and these."""
-    count = np.bincount(touches.target, minlength=len(touches.part))
-    for link in range(body.links.number):
-        touchers = body.links.reaching(link)
+    some = touches.some(dense_rows(touches.target, rows, search.random, number))
+    count = np.bincount(some.target, minlength=len(some.part))
+    best, most = np.zeros(0, dtype=int), 0
+    for link, one in places_of_parts(body):
+        touchers = one.links.reaching(link)
         if not touchers:
             continue
-        tried = replace(touches, ways=body.links.ways_to(part, link, touchers))
-        near, _ = near_own(tried, started(tried, body.twists, body.points), part)
-        own = np.bincount(touches.target, weights=near, minlength=len(count))
+        tried = replace(some, ways=one.links.ways_to(part, link, touchers))
+        near, _ = near_own(tried, started(tried, one.twists, one.points), part)
+        own = np.bincount(some.target, weights=near, minlength=len(count))
         fits = np.flatnonzero(own > _MOSTLY * np.maximum(count, 1))
-        yield own[fits].sum(), fits
+        if own[fits].sum() > most:
+            best, most = fits, own[fits].sum()
+    return best
