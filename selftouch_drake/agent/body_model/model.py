@@ -467,8 +467,7 @@ def rejected(
     Args:
         reason: why, in a plain sentence, or `off`.
         joint_names: `(J,)` names of the joints.
-        kernel_part: `(K,)` part of each target sensation: those of the graph, the first ones, and
-            more where the tree tells skins apart that the graph joins.
+        kernel_part: `(K,)` part of each target sensation.
         num_rows: R, stored touches.
         num_receptors: S.
         seed: of the fit that was tried, if any.

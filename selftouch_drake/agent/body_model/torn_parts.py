@@ -42,9 +42,9 @@ def torn_apart(
     Returns:
         `(K,)` part of each target sensation, new ones numbered after all others, and the body.
     """
-    waiting = [part for part in np.unique(scene.part).tolist() if part not in body.links.part]
-    while waiting:
-        part = waiting.pop()
+    for part in np.unique(scene.part).tolist():
+        if part in body.links.part:
+            continue
         rows = np.flatnonzero(~tested & (scene.part[scene.target] == part))
         own = _kernels_of_one_link(scene.some(rows), body, part, search)
         rest = np.setdiff1d(np.flatnonzero(scene.part == part), own)
