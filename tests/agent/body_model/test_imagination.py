@@ -128,7 +128,7 @@ def test_a_bent_surface_is_not_cut_short():
     ball = random.standard_normal((800, 3))
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     near = cKDTree(ball).query(ball, k=10)[1]
-    node, normal = _smooth(ball, near, np.zeros_like(ball))
+    node, normal = _smooth(ball, near, np.zeros_like(ball), 0.5)
     middle = ball[near].mean(axis=1)
     below = 1 - np.einsum("ma,ma->m", middle, normal).mean()
     assert below > 0.005
