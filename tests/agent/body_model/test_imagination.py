@@ -447,18 +447,15 @@ def test_three_points_of_a_link_are_one_hand(cube):
 
 def test_a_hand_ends_where_its_goal_was_felt_and_keeps_contact(cube, still):
     representation, _, _ = cube
-    imagination, contact = hand_of_three(cube), []
-    for q, start, goal in starts(representation, 15):
+    imagination = hand_of_three(cube)
+    for q, start, goal in starts(representation, 5):
         plan = imagination.plan(q, start, [goal])
         s = np.linspace(0.0, 1.0, 60) * plan.waypoint_s[-1]
         if not plan.in_air.any():
             assert "a hand that is no point may be too deep, or too high" in plan.doubts
-            contact.append(still.feel(plan.path(s)).sensation.any(axis=1).mean())
+            assert still.feel(plan.path(s)).sensation.any(axis=1).mean() > 0.98
         own = representation.kernel_q[representation.members(goal)]
         assert np.abs(own - plan.path(s[-1:])).max(axis=1).min() < 1e-3
-    assert len(contact) > 10
-    assert np.mean(contact) > 0.99
-    assert min(contact) > 0.9
 
 
 def test_a_hand_is_pressed_as_deep_as_it_is_asked_to(cube):
