@@ -349,10 +349,10 @@ def _find_several_limbs(
     body = _grown_best(search, labelled(_TO_GROW), of_part, purpose)
     if body is None:
         return None
-    found = _finished_tree(search, labelled(_TO_FINISH), body, purpose, seed, sized=False)
-    verdicts = judge_parts_by_sensation(
-        found.scene, found.solution, felt, purpose > 0, search.random
-    )
+    found = _finished_tree(search, labelled(_TO_FINISH), body, purpose, seed)
+    # Touches that gave a toucher its surface do not judge.
+    judges = purpose > 0 if found.solution.sizes is None else purpose == VERDICT
+    verdicts = judge_parts_by_sensation(found.scene, found.solution, felt, judges, search.random)
     # Who touched is known better than kernels of one or two touches could tell.
     whole, known = touches.scene(found.scene.ways), found.solution
     begun = started(whole, known.twists, known.points)
@@ -654,13 +654,8 @@ def _finished_tree(
     body: Mechanism,
     purpose: np.ndarray,
     seed: int,
-    *,
-    sized: bool = True,
 ) -> Found:
-    """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch.
-
-    Surfaces of touchers are looked for if these may be `sized`.
-    """
+    """The bundle of all parts, refined; kinds of joints, judgements, and who made each touch."""
     counts = np.bincount(touches.part[touches.target], minlength=len(touches.part))
     root = body.links.part[max(body.links.part, key=lambda part: counts[part])]
     tree = body.links.rooted(root)
@@ -678,7 +673,7 @@ def _finished_tree(
         whole, choice, tests = (replace(one, ways=scene.ways) for one in (whole, choice, tests))
     free = np.zeros(solution.twists.size + solution.points.size, dtype=bool)
     solution, kind, fixed = _kinds(search, touches, scene, solution, free)
-    if sized and not scene.blunt:
+    if not scene.blunt:
         # Several points of a hand are its surface.
         solution = with_sizes(scene, choice, solution, search.random, fixed=fixed, tick=search.tick)
     if solution.sizes is None:

@@ -77,21 +77,6 @@ class Smooth:
     precision: np.ndarray
     alike: np.ndarray | None = None
 
-    def draw(self, q: np.ndarray, how: "Descent") -> Draws:
-        """All of them at each step."""
-        number = len(self.rows)
-        rows = np.zeros((how.steps, 1, -(-number // TILE) * TILE), dtype=np.int32)
-        rows[:, 0, :number] = self.rows
-        return Draws(
-            q,
-            rows,
-            np.array([number]),
-            np.int64(1),
-            np.ones(1),
-            np.ascontiguousarray(self.precision),
-            alike=np.zeros(0) if self.alike is None else np.nan_to_num(self.alike, nan=0.0),
-        )
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bodies:
@@ -211,7 +196,24 @@ def draw(
         flat = chosen.reshape(how.steps, -1)
         rows[:, index, : flat.shape[1]] = flat
     weights = np.ones(len(groups)) if weight is None else np.array(weight, dtype=float)
-    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros((0, 0)))
+    return Draws(q, rows, number, np.int64(how.members), weights, np.zeros(0))
+
+
+def draw_all(q: np.ndarray, groups: Sequence[Smooth], how: Descent) -> Draws:
+    """All of few touches at each step.
+
+    Args:
+        q: `(J, R)` float32 standardised readings.
+        groups: of touches; the first says which joints turn alike.
+        how: numbers of steps.
+    """
+    number = np.array([len(group.rows) for group in groups])
+    rows = np.zeros((how.steps, len(groups), -(-number.max() // TILE) * TILE), dtype=np.int32)
+    for index, group in enumerate(groups):
+        rows[:, index, : len(group.rows)] = group.rows
+    precision = np.concatenate([group.precision.ravel() for group in groups])
+    alike = np.zeros(0) if groups[0].alike is None else np.nan_to_num(groups[0].alike, nan=0.0)
+    return Draws(q, rows, number, np.int64(1), np.ones(len(groups)), precision, alike=alike)
 
 
 def descended(
@@ -230,7 +232,7 @@ def descended(
 
     Args:
         q: `(J, R)` float32 standardised readings.
-        groups: G groups of touches, or a single one of few touches.
+        groups: G groups of touches, all of kernels or all of few touches.
         bodies: where to start; left as they are.
         how: steps and sizes.
         seed: of the draws.
@@ -242,7 +244,7 @@ def descended(
     kernels = [group for group in groups if isinstance(group, Group)]
     smooth = [group for group in groups if isinstance(group, Smooth)]
     if smooth:
-        draws = smooth[0].draw(q, how)
+        draws = draw_all(q, smooth, how)
     else:
         draws = draw(q, kernels, how, np.random.default_rng(seed), weight)
     draws = draws._replace(fixed=np.array(fixed, dtype=np.int64))

@@ -53,8 +53,9 @@ class Draws(NamedTuple):
         num_kernels: `(G,)` kernels drawn from each group.
         members: `()` drawn from each kernel.
         weight: `(G,)` of each group in the sum of criteria.
-        precision: `(N, N)` of places that are a smooth function of sensations, with the mean taken
-            out: it takes the place of kernels, for a single group; `(0, 0)` for kernels.
+        precision: `(N0 N0 + N1 N1 + ...,)` the matrix of each group, one after the other: of places
+            that are a smooth function of sensations, with the mean taken out. It takes the place of
+            kernels; `(0,)` for kernels.
         fixed: `(F,)` joints whose twists stay as they are; where there are any, points do too.
         alike: `(J,)` how far the readings turn joints, all alike but for one factor, and none of
             them slides along its axis; 0 for joints that turn as far as they may. `(0,)`: each
@@ -176,6 +177,15 @@ def _dot(a, b):
 
 
 @inner
+def _on_ways(ways, member, num_joints):
+    """The joints that a member has on any of its ways."""
+    on_way = np.zeros(num_joints, dtype=np.bool_)
+    for group in range(ways.joint.shape[1]):
+        on_way[ways.joint[member, group, : ways.length[member, group]]] = True
+    return np.flatnonzero(on_way)
+
+
+@inner
 def _hold(twists, joints, alike):
     """Takes the pitch out of `(J, 6)` twists, and lets joints turn alike."""
     total, number = 0.0, 0
@@ -255,9 +265,10 @@ def descend(draws, ways, twists, points, rate, tail):
         _read(room, draws.q, draws.rows[step])
         for b in range(num_members):
             if len(draws.alike) > 0:
-                _hold(twists[b], ways.joint[b, 0, : ways.length[b, 0]], draws.alike)
+                _hold(twists[b], _on_ways(ways, b, num_joints), draws.alike)
             by_twist[:] = 0
             by_point[:] = 0
+            first = 0
             for group in range(num_groups):
                 length, toucher = ways.length[b, group], ways.toucher[group]
                 way = _Way(
@@ -269,8 +280,10 @@ def descend(draws, ways, twists, points, rate, tail):
                 _place(room, way, points[b, toucher], twists[b], x)
                 used = draws.num_kernels[group] * draws.members
                 if len(draws.precision) > 0:
+                    precision = draws.precision[first : first + used * used].reshape(used, used)
+                    first += used * used
                     value = criterion_of_sensations(
-                        x, slopes, draws.precision, draws.weight[group], scratch
+                        x, slopes, precision, draws.weight[group], scratch
                     )
                 else:
                     sizes = draws.num_kernels[group], draws.members
@@ -286,8 +299,7 @@ def descend(draws, ways, twists, points, rate, tail):
                 by_twist[draws.fixed] = 0
                 by_point[:] = 0
             if len(draws.alike) > 0:
-                way_0 = ways.joint[b, 0, : ways.length[b, 0]]
-                _hold_slopes(by_twist, twists[b], way_0, draws.alike)
+                _hold_slopes(by_twist, twists[b], _on_ways(ways, b, num_joints), draws.alike)
             if rate > 0:
                 _adam(twists[b].ravel(), by_twist.ravel(), moments[b], now, step)
                 _adam(points[b].ravel(), by_point.ravel(), point_moments[b], now, step)

@@ -6,6 +6,7 @@ chain that explains most of these by what they feel like shows which touches are
 which others are. What is left over is that of the next limb.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,10 +19,12 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.density import limbs, telling_cores, who_touched
 from selftouch_drake.agent.body_model.fit import Bodies, Group, Smooth
 from selftouch_drake.agent.body_model.forest import Mechanism
-from selftouch_drake.agent.body_model.one_limb import Limb, joined, largest_first
+from selftouch_drake.agent.body_model.one_limb import Limb, joined
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
+from selftouch_drake.agent.body_model.smooth_tree import UNTOLD, Touched, with_parts
 from selftouch_drake.agent.body_model.structure import (
     Search,
+    joints_that_hold,
     pair_statistic,
     pruned,
 )
@@ -32,13 +35,24 @@ MOST = 12_000
 # With 60 each three joints of a limb tell 93 to 98 % of the surest touches of two arms right, with
 # 90 97 to 99, and with 120 often too few neighbourhoods are left.
 _LOOKED_AT, _NEIGHBOURHOOD, _FEWEST_NEIGHBOURHOODS = 4000, 90, 12
+# Clusterings that are tried until so many touches are surely of one limb: joints that tell the
+# limbs are found in most of them. Of an infant's torso 88 to 94 % are sure then, of a forearm, which
+# one hand alone touches, at most a tenth.
+_CLUSTERINGS, _WELL_TOLD = 4, 0.8
 # Joints that tell a limb, and the probability above which a touch is nearly surely its own.
 _TELLING, _NEARLY_SURE = 3, 0.99
+# Joints of a known limb that tell its touches on another part, and the share of them that are nearly
+# sure if several hands touched it.
+_CORE, _TOLD = 4, 0.4
 # A touch is a chain's own if it is not farther from where its sensation says than so many times the
 # median of touches that are, in standard deviations of the process.
 _OWN = 3.0
-# Share of near touches, left out in turn, from which a chain is grown; the whole body is judged.
-_AGREED = 0.5
+# Share of near touches, left out in turn, from which a chain is taken at once, and at all: where
+# neighbours are in a wrong order, other parts tell. The whole body is judged.
+_AGREED, _HOPE = 0.5, 0.25
+# So often limbs are looked for, unless all parts are smoother: the worst touches by one hand on one
+# part of right infants had a criterion of -2.4 to 0.8, of wrong ones 2.7 and more.
+_TRIES, _SMOOTH = 3, 1.5
 # Touches by which chains are searched, and fitted while they find their own touches; rounds of
 # that, and steps of each.
 _SEARCHED, _FITTED, _ROUNDS, _STEPS = 256, 500, 3, 40
@@ -51,6 +65,9 @@ def of_several_limbs(
 ) -> Mechanism | None:
     """One body of the chains of limbs that touched one part; None if fewer than two are found.
 
+    Parts on which most touches are surely of one limb come first: behind joints that move the skin
+    itself, as a head's, limbs are hardly told apart.
+
     Args:
         search: what to work on.
         q: `(n, J)` standardised readings.
@@ -58,15 +75,74 @@ def of_several_limbs(
         part: `(n,)` part that each touch is on.
         used: `(n,)` bool, touches that may be looked at.
     """
-    shared = largest_first(sensation, part)[0]
-    rows = np.flatnonzero(used & (part == shared))
-    rows = np.sort(search.random.permutation(rows)[:_LOOKED_AT])
-    own = replace(search, q=np.ascontiguousarray(search.q[:, rows]), sensation=sensation[rows])
-    found = _Touches(own, q[rows], sensation[rows], Sensed.of(sensation[rows])).chains()
-    if len(found) < 2:
-        return None
-    limbs = [replace(limb, rows=rows[limb.rows]) for limb in found]
-    return joined(q, sensation, shared, limbs)
+    rows_of = {
+        int(number): search.random.permutation(np.flatnonzero(used & (part == number)))
+        for number in np.unique(part)
+    }
+    mixed = [
+        (number, touches)
+        for number, rows in rows_of.items()
+        if (touches := _Touches.of(search, q, sensation, rows)) is not None
+    ]
+    moving = np.flatnonzero(np.ptp(q, axis=0) > 0).tolist()
+    for number, touches in sorted(mixed, key=lambda one: -one[1].surely_told()):
+        best: tuple[int, float, Mechanism] | None = None
+        for _ in range(_TRIES):
+            found = touches.chains()
+            if len(found) < 2:
+                continue
+            limbs = [replace(limb, rows=touches.rows[limb.rows]) for limb in found]
+            orders = [limb.order for limb in limbs]
+            others = {
+                other: _by_hand(search, q, sensation, rows, orders)
+                for other, rows in rows_of.items()
+                if other != number
+            }
+            loss, body = with_parts(
+                search, sensation, others, joined(q, sensation, number, limbs),
+                [limb.rows for limb in limbs], moving,
+            )  # fmt: skip
+            missing = len(rows_of) - len(body.links.part)
+            if best is None or (missing, loss) < best[:2]:
+                best = missing, loss, body
+            if best[0] == 0 and best[1] < _SMOOTH:
+                break
+        if best is not None:
+            return best[2]
+    return None
+
+
+def _by_hand(
+    search: Search, q: np.ndarray, sensation: csr_array, rows: np.ndarray, orders: list[list[int]]
+) -> Touched:
+    """Touches of one part by the hands of limbs whose orders are known, if these can be told."""
+    untold = Touched({UNTOLD: rows}, [])
+    rows = rows[:_LOOKED_AT]
+    number = len(rows) // _NEIGHBOURHOOD
+    if number < _FEWEST_NEIGHBOURHOODS:
+        return untold
+    labels = Sensed.of(sensation[rows]).neighbourhoods(number, search.random)
+    standard = np.ascontiguousarray(search.q[:, rows])
+    group = Group.of(np.arange(len(rows)), labels)
+    share = np.zeros((len(rows), len(orders)))
+    share[group.rows] = who_touched(standard, group, [order[:_CORE] for order in orders])
+    if _surely_told(share) < _TOLD:
+        return untold
+    limb = np.where(share.max(axis=1) > _NEARLY_SURE, share.argmax(axis=1), UNTOLD)
+    new = set[int]()
+    for one in range(len(orders)):
+        own = np.flatnonzero(limb == one)
+        new |= set(
+            joints_that_hold(*pair_statistic(standard, Group.of(own, labels[own]), least=20))
+        )
+    return Touched(
+        {one: rows[limb == one] for one in range(len(orders)) if (limb == one).any()},
+        sorted(new - set(itertools.chain(*orders))),
+    )
+
+
+def _surely_told(share: np.ndarray) -> float:
+    return float((share > _NEARLY_SURE).any(axis=1).mean())
 
 
 def neighbourhoods_of_parts(
@@ -95,95 +171,117 @@ def neighbourhoods_of_parts(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Touches:
-    """Touches of one part.
+    """Touches of one part that several limbs made.
 
     Attributes:
+        rows: `(n,)` of these touches among all.
         search: what to work on: these touches alone.
         q: `(n, J)` standardised readings.
         sensation: `(n, S)` readings of the receptors.
         sensed: the same, as the process compares them.
+        share: `(n, U)` probability that each limb made each touch.
+        cores: joints that tell the limbs.
     """
 
+    rows: np.ndarray
     search: Search
     q: np.ndarray
     sensation: csr_array
     sensed: Sensed
+    share: np.ndarray
+    cores: list[list[int]]
+
+    @staticmethod
+    def of(
+        search: Search, q: np.ndarray, sensation: csr_array, rows: np.ndarray
+    ) -> "_Touches | None":
+        """Some touches of a part, in any order; None if they do not show several limbs."""
+        rows = rows[:_LOOKED_AT]
+        number = len(rows) // _NEIGHBOURHOOD
+        if number < _FEWEST_NEIGHBOURHOODS:
+            return None
+        felt, sensed = sensation[rows], Sensed.of(sensation[rows])
+        own = replace(search, q=np.ascontiguousarray(search.q[:, rows]), sensation=felt)
+        best: tuple[float, np.ndarray, list[list[int]]] | None = None
+        for _ in range(_CLUSTERINGS):
+            group = Group.of(np.arange(len(rows)), sensed.neighbourhoods(number, search.random))
+            cores = limbs(*pair_statistic(own.q, group, least=20))
+            if len(cores) < 2:
+                continue
+            cores = telling_cores(own.q, group, [core[:_TELLING] for core in cores])
+            if len(cores) < 2:
+                continue
+            share = np.zeros((len(rows), len(cores)))
+            share[group.rows] = who_touched(own.q, group, cores)
+            sure = _surely_told(share)
+            if best is None or sure > best[0]:
+                best = sure, share, cores
+            if sure > _WELL_TOLD:
+                break
+        if best is None:
+            return None
+        return _Touches(rows, own, q[rows], felt, sensed, *best[1:])
+
+    def surely_told(self) -> float:
+        """Share of the touches that are nearly surely of one limb."""
+        return _surely_told(self.share)
 
     def chains(self) -> list[Limb]:
         """The limbs that were found, each with its chain and touches."""
-        share, cores = self._limbs()
-        most_sure_first = np.argsort(-(share > _NEARLY_SURE).sum(axis=0), kind="stable").tolist()
+        most_sure_first = np.argsort(-(self.share > _NEARLY_SURE).sum(axis=0), kind="stable")
         found = dict[int, Limb]()
         # Once more, for those that failed before another one was found.
         for turn in range(2):
             if turn and not found:
                 break
-            for limb in most_sure_first:
+            for limb in most_sure_first.tolist():
                 if limb not in found:
-                    chain = self._chain(*self._of_limb(limb, share[:, limb], cores, found))
+                    chain = self._chain(*self._of_limb(limb, found))
                     if chain is not None:
                         found[limb] = chain
         return list(found.values())
 
-    def _of_limb(
-        self, limb: int, share: np.ndarray, cores: list[list[int]], found: dict[int, Limb]
-    ) -> tuple[np.ndarray, list[int]]:
+    def _of_limb(self, limb: int, found: dict[int, Limb]) -> tuple[np.ndarray, list[int]]:
         """Touches most of which a limb made, and joints that may be its own."""
         free, joints = np.ones(len(self.q), dtype=bool), set(range(self.q.shape[1]))
-        for other in set(range(len(cores))) - {limb}:
-            joints -= set(found[other].order if other in found else cores[other])
+        for other in set(range(len(self.cores))) - {limb}:
+            joints -= set(found[other].order if other in found else self.cores[other])
             if other in found:
                 free[found[other].rows] = False
         # Where all others are known, what is left over is this one's.
-        likely = free if len(found) == len(cores) - 1 else free & (share > _NEARLY_SURE)
+        last = len(found) == len(self.cores) - 1
+        likely = free if last else free & (self.share[:, limb] > _NEARLY_SURE)
         return np.flatnonzero(likely), [j for j in sorted(joints) if np.ptp(self.q[:, j]) > 0]
 
-    def _limbs(self) -> tuple[np.ndarray, list[list[int]]]:
-        """`(n, U)` probability that each limb made each touch, and joints that tell the limbs."""
-        none: tuple[np.ndarray, list[list[int]]] = np.zeros((len(self.q), 0)), []
-        number = len(self.q) // _NEIGHBOURHOOD
-        if number < _FEWEST_NEIGHBOURHOODS:
-            return none
-        labels = self.sensed.neighbourhoods(number, self.search.random)
-        group = Group.of(np.arange(len(self.q)), labels)
-        cores = limbs(*pair_statistic(self.search.q, group, least=20))
-        if len(cores) < 2:
-            return none
-        cores = telling_cores(self.search.q, group, [core[:_TELLING] for core in cores])
-        if len(cores) < 2:
-            return none
-        share = np.empty((len(self.q), len(cores)))
-        share[group.rows] = who_touched(self.search.q, group, cores)
-        return share, cores
-
     def _chain(self, rows: np.ndarray, joints: Sequence[int]) -> Limb | None:
-        """The first chain with which its own touches agree; most of the rows are of one limb."""
+        """The first chain with which its own touches agree, else the best; of one limb's rows, mostly."""
         if len(rows) < few.needed_for(len(joints))[1]:
             return None
         some = self._some(rows, _SEARCHED)
         smooth = self.sensed.some(some).precision(few.SEARCHED_NOISE)
+        best, most = None, _HOPE
         for body in few.found_chains(self.search, some, smooth, list(joints)):
             own = self._own(rows, body)
             if len(own) < few.FEWEST:
                 continue
             some = self._some(own, _SEARCHED)
             group = Smooth(some, self.sensed.some(some).precision(few.SEARCHED_NOISE))
-            limb = self._judged(own, pruned(self.search, group, body))
-            if limb is not None:
-                return limb
-        return None
+            agreed, limb = self._judged(own, pruned(self.search, group, body))
+            if agreed > most:
+                best, most = limb, agreed
+            if most > _AGREED:
+                break
+        return best
 
-    def _judged(self, own: np.ndarray, body: Bodies) -> Limb | None:
-        """A chain fitted to its own touches, if those left out agree; None if not."""
+    def _judged(self, own: np.ndarray, body: Bodies) -> tuple[float, Limb]:
+        """A chain fitted to its own touches, and the share of touches left out that agree."""
         some = self._some(own, _FITTED)
         order, chain = few.rough_chain(body)
         q, sensed = self.q[some][:, order], self.sensed.some(some)
         chain = finished(q, sensed.precision(), chain)
         labels = few.neighbourhoods(sensed, self.search.random)
         verdict = few.left_out_in_turn(q, sensed, labels, chain)
-        if not verdict.near * min(1.0, 2 * verdict.inliers) > _AGREED:
-            return None
-        return Limb(order, chain, own)
+        return verdict.near * min(1.0, 2 * verdict.inliers), Limb(order, chain, own)
 
     def _own(self, rows: np.ndarray, body: Bodies) -> np.ndarray:
         """The touches of a chain, which made most of the rows."""

@@ -103,8 +103,8 @@ def overlapping(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     shared, rarer, felt = _shared(sensation)
     known = felt >= _LEAST_FELT
     skin, presses = _skins(np.asarray(sensation), shared * rarer, felt, known)
-    # Where skins press, no touch joins two of them; one that felt little may be a rim of another.
-    cut = presses[:, None] | presses | (presses.any() & np.logical_and.outer(known, known))
+    # No touch joins two skins; where none presses, a receptor that felt little may be of either.
+    cut = presses[:, None] | presses | np.logical_and.outer(known, known)
     shared[(skin[:, None] != skin) & cut] = 0.0
     overlap = (shared >= _LEAST_SHARED) & np.logical_and.outer(known, known)
     # A receptor that overlaps with none, or felt too few touches, joins its best partner: alone it
