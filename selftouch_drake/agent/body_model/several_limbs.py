@@ -9,6 +9,7 @@ which others are. What is left over is that of the next limb.
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -36,13 +37,13 @@ MOST = 12_000
 # 90 97 to 99, and with 120 often too few neighbourhoods are left.
 _LOOKED_AT, _NEIGHBOURHOOD, _FEWEST_NEIGHBOURHOODS = 4000, 90, 12
 # Clusterings that are tried until so many touches are surely of one limb: joints that tell the
-# limbs are found in most of them. Of an infant's torso 88 to 94 % are sure then, of a forearm, which
-# one hand alone touches, at most a tenth.
+# limbs are found in most of them. Of an infant's torso 88 to 94 % are sure then, of a forearm,
+# which one hand alone touches, at most a tenth.
 _CLUSTERINGS, _WELL_TOLD = 4, 0.8
 # Joints that tell a limb, and the probability above which a touch is nearly surely its own.
 _TELLING, _NEARLY_SURE = 3, 0.99
-# Joints of a known limb that tell its touches on another part, and the share of them that are nearly
-# sure if several hands touched it.
+# Joints of a known limb that tell its touches on another part, and the share of them that are
+# nearly sure if several hands touched it.
 _CORE, _TOLD = 4, 0.4
 # A touch is a chain's own if it is not farther from where its sensation says than so many times the
 # median of touches that are, in standard deviations of the process.
@@ -84,32 +85,41 @@ def of_several_limbs(
         for number, rows in rows_of.items()
         if (touches := _Touches.of(search, q, sensation, rows)) is not None
     ]
-    moving = np.flatnonzero(np.ptp(q, axis=0) > 0).tolist()
-    for number, touches in sorted(mixed, key=lambda one: -one[1].surely_told()):
-        best: tuple[int, float, Mechanism] | None = None
+    mixed.sort(key=lambda one: -one[1].surely_told())
+    for number, touches in mixed:
+        tried = [_Tried(len(rows_of), np.inf, None)]
         for _ in range(_TRIES):
-            found = touches.chains()
-            if len(found) < 2:
+            limbs = [replace(limb, rows=touches.rows[limb.rows]) for limb in touches.chains()]
+            if len(limbs) < 2:
                 continue
-            limbs = [replace(limb, rows=touches.rows[limb.rows]) for limb in found]
             orders = [limb.order for limb in limbs]
             others = {
                 other: _by_hand(search, q, sensation, rows, orders)
                 for other, rows in rows_of.items()
                 if other != number
             }
-            loss, body = with_parts(
-                search, sensation, others, joined(q, sensation, number, limbs),
-                [limb.rows for limb in limbs], moving,
-            )  # fmt: skip
-            missing = len(rows_of) - len(body.links.part)
-            if best is None or (missing, loss) < best[:2]:
-                best = missing, loss, body
-            if best[0] == 0 and best[1] < _SMOOTH:
+            body = joined(q, sensation, number, limbs)
+            own = [limb.rows for limb in limbs]
+            loss, body = with_parts(search, sensation, others, body, own, _moving(q))
+            tried.append(_Tried(len(rows_of) - len(body.links.part), loss, body))
+            if tried[-1].missing == 0 and loss < _SMOOTH:
                 break
-        if best is not None:
-            return best[2]
+        best = min(tried, key=lambda one: (one.missing, one.loss))
+        if best.body is not None:
+            return best.body
     return None
+
+
+class _Tried(NamedTuple):
+    """A body, the number of parts that it lacks, and the criterion of its worst touches."""
+
+    missing: int
+    loss: float
+    body: Mechanism | None
+
+
+def _moving(q: np.ndarray) -> list[int]:
+    return np.flatnonzero(np.ptp(q, axis=0) > 0).tolist()
 
 
 def _by_hand(
@@ -251,10 +261,13 @@ class _Touches:
         # Where all others are known, what is left over is this one's.
         last = len(found) == len(self.cores) - 1
         likely = free if last else free & (self.share[:, limb] > _NEARLY_SURE)
-        return np.flatnonzero(likely), [j for j in sorted(joints) if np.ptp(self.q[:, j]) > 0]
+        return np.flatnonzero(likely), [j for j in _moving(self.q) if j in joints]
 
     def _chain(self, rows: np.ndarray, joints: Sequence[int]) -> Limb | None:
-        """The first chain with which its own touches agree, else the best; of one limb's rows, mostly."""
+        """The first chain with which its own touches agree, else the best.
+
+        Most of the rows are of one limb.
+        """
         if len(rows) < few.needed_for(len(joints))[1]:
             return None
         some = self._some(rows, _SEARCHED)

@@ -1,0 +1,405 @@
+"""A tree from few touches: other parts join the limbs that were found on one part.
+
+A chain to one part may bend its skin without a trace: wrong orders of neighbours explain as much as
+the right one. Where several parts are touched through the same joints, they leave nothing to bend.
+So all parts are made smooth at once, while orders of joints and links of parts compete.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.body_model.few import FEWEST, SEARCHED_NOISE
+from selftouch_drake.agent.body_model.fit import Bodies, Descent, Smooth, Way, random_twists
+from selftouch_drake.agent.body_model.forest import Links, Mechanism
+from selftouch_drake.agent.body_model.smoothness import Sensed
+from selftouch_drake.agent.body_model.structure import Search, order_of
+
+#: Stands for the hand of touches of which nobody knows who made them: one hand did.
+UNTOLD = -1
+# Touches of each part by a hand that are looked at.
+_LOOKED_AT = 200
+# Another arrangement is taken if it is better by this much, by more if it has a joint more, and so
+# often at most.
+_GAIN, _EARNED, _MOST_PASSES = 0.1, 0.3, 20
+# All neighbours of an arrangement have so many steps, and so many of the best ones more.
+_FIRST, _BEST = Descent(steps=100), 10
+# A part is tried if the criterion of its touches is lower, and joins if it becomes smooth. At 0
+# places are as smooth as draws of the process: parts of right infants had -3.7 to 0.9, and on
+# wrong joints 1.6 and more.
+_JOINS, _SMOOTH = 5.0, 1.0
+# A way has so many joints at least, to touch all of a part.
+_FEWEST_JOINTS = 3
+# Joints that may move a part alone, at most, and random starts of each order of these.
+_MOST_OWN, _STARTS = 3, 10
+
+
+@dataclass(frozen=True, slots=True)
+class Touched:
+    """Touches of a part that waits for its place.
+
+    Attributes:
+        rows: of each limb whose hand made some; all of `UNTOLD`, if hands were not told apart.
+        new: joints that may move the part alone.
+    """
+
+    rows: dict[int, np.ndarray]
+    new: list[int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a part is.
+
+    Attributes:
+        limb: the limb that wears it.
+        behind: joints of that limb between the first part and it; 0: it is beside the first one.
+        own: joints that move it alone, from it to the limb.
+    """
+
+    limb: int = 0
+    behind: int = 0
+    own: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrangement:
+    """Limbs that leave the first part, and what they wear.
+
+    Attributes:
+        orders: joints of each limb, from the first part outwards.
+        worn: where each part is, the first one first.
+        touched: pairs of a part and the limb whose hand touched it.
+    """
+
+    orders: tuple[tuple[int, ...], ...]
+    worn: dict[int, _Place]
+    touched: tuple[tuple[int, int], ...]
+
+    def way(self, part: int, hand: int) -> Way:
+        """From a part to a hand."""
+        place, order = self.worn[part], self.orders[hand]
+        own = tuple((joint, 1) for joint in place.own)
+        if hand == place.limb:
+            return (*own, *((joint, 1) for joint in order[place.behind :]))
+        back = self.orders[place.limb][: place.behind][::-1]
+        return (*own, *((joint, -1) for joint in back), *((joint, 1) for joint in order))
+
+    def places(self) -> list[_Place]:
+        """Links that may wear a part."""
+        behind = [
+            _Place(limb, number + 1)
+            for limb, order in enumerate(self.orders)
+            for number in range(len(order))
+        ]
+        return [_Place(), *behind]
+
+    def with_part(self, part: int, place: _Place, hands: Iterable[int]) -> "_Arrangement":
+        """One more part."""
+        pairs = tuple((part, hand) for hand in hands)
+        return replace(self, worn={**self.worn, part: place}, touched=(*self.touched, *pairs))
+
+    def reached(self, part: int) -> bool:
+        """Whether hands that touched a part have joints enough for that."""
+        hands = (hand for other, hand in self.touched if other == part)
+        return all(len(self.way(part, hand)) >= _FEWEST_JOINTS for hand in hands)
+
+    def near(self, spare: Iterable[int]) -> list[tuple["_Arrangement", list[int], float]]:
+        """This one, and those with one joint or part moved, or one of the spare joints more.
+
+        Each with joints whose twists are to be drawn anew, and how much better it has to be.
+        """
+        found: list[tuple[_Arrangement, list[int], float]] = [(self, [], 0.0)]
+        for limb, order in enumerate(self.orders):
+            for changed, joint in _moved(order):
+                moved = self._with_order(limb, changed)
+                # Parts that it passes keep the number of joints before them, or these joints.
+                variants = _each_once([moved, *moved.kept(self, limb, joint)])
+                found += [(one, [joint], _GAIN) for one in variants]
+            for joint in spare:
+                for number in range(len(order) + 1):
+                    longer = self._with_order(limb, (*order[:number], joint, *order[number:]))
+                    found += [(one, [joint], _EARNED) for one in longer.kept(self, limb, joint)]
+        first, *others = self.worn
+        for part in others:
+            place = self.worn[part]
+            for there in self.places():
+                there = replace(there, own=place.own)
+                near = there.limb == place.limb or there.behind == 0
+                moved = replace(self, worn={**self.worn, part: there})
+                if there != place and near and moved.reached(part):
+                    found.append((moved, [], _GAIN))
+        return found
+
+    def joints(self) -> list[int]:
+        """All of the arrangement."""
+        owns = (place.own for place in self.worn.values())
+        return list(itertools.chain(*self.orders, *owns))
+
+    def _with_order(self, limb: int, order: tuple[int, ...]) -> "_Arrangement":
+        return replace(self, orders=(*self.orders[:limb], order, *self.orders[limb + 1 :]))
+
+    def kept(self, before: "_Arrangement", limb: int, joint: int) -> Iterator["_Arrangement"]:
+        """This one with parts behind the joints that they were behind, but for one joint.
+
+        Parts beside that joint may be on either side of it.
+
+        Args:
+            before: where they were.
+            limb: in which the joint moved.
+            joint: that moved.
+        """
+        order = self.orders[limb]
+        worn, beside = dict(self.worn), list[int]()
+        for part, place in before.worn.items():
+            if place.limb == limb and place.behind:
+                between = set(before.orders[limb][: place.behind]) - {joint}
+                behind = max((order.index(other) + 1 for other in between), default=0)
+                worn[part] = replace(place, behind=behind)
+                if behind < len(order) and order[behind] == joint:
+                    beside.append(part)
+        for number in range(len(beside) + 1):
+            for some in itertools.combinations(beside, number):
+                moved = {part: replace(worn[part], behind=worn[part].behind + 1) for part in some}
+                yield replace(self, worn={**worn, **moved})
+
+
+def _each_once(arrangements: Sequence[_Arrangement]) -> list[_Arrangement]:
+    return [one for number, one in enumerate(arrangements) if one not in arrangements[:number]]
+
+
+def _moved(order: tuple[int, ...]) -> list[tuple[tuple[int, ...], int]]:
+    """Orders with one joint elsewhere, and that joint; each where it is, too."""
+    found, seen = [(order, joint) for joint in order], {order}
+    for joint in order:
+        rest = [other for other in order if other != joint]
+        for place in range(len(order)):
+            changed = (*rest[:place], joint, *rest[place:])
+            if changed not in seen:
+                seen.add(changed)
+                found.append((changed, joint))
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tree:
+    """An arrangement with its parameters.
+
+    Attributes:
+        arrangement: orders, and where parts are.
+        body: one, whose ways are those of the arrangement.
+        groups: touches of each pair that touched.
+    """
+
+    arrangement: _Arrangement
+    body: Bodies
+    groups: list[Smooth]
+
+    def loss_of(self, part: int) -> float:
+        """The criterion of a part's worst touches by one hand."""
+        own = [number for number, pair in enumerate(self.arrangement.touched) if pair[0] == part]
+        return float(self.body.loss[0, own].max())
+
+
+def with_parts(
+    search: Search,
+    sensation: csr_array,
+    others: dict[int, Touched],
+    body: Mechanism,
+    own: Sequence[np.ndarray],
+    moving: Sequence[int],
+) -> tuple[float, Mechanism]:
+    """The body of limbs found on one part, with other parts that its hands touched.
+
+    And the criterion of its worst touches by one hand on one part.
+
+    Args:
+        search: what to work on.
+        sensation: `(n, S)` readings of the receptors.
+        others: the other parts.
+        body: limbs that leave one part.
+        own: touches of that part by each hand.
+        moving: joints that move.
+    """
+    fit = _Fit(search, sensation, moving)
+    tree = fit.improved(_begun(fit, body, own))
+    groups = {
+        part: {hand: fit.group(rows) for hand, rows in touched.rows.items() if len(rows) >= FEWEST}
+        for part, touched in others.items()
+    }
+    waiting = {part: (its, others[part].new) for part, its in groups.items() if its}
+    while (bigger := _with_one(fit, tree, waiting)) is not None:
+        tree = bigger
+        waiting = {part: one for part, one in waiting.items() if part not in tree.arrangement.worn}
+    return float(tree.body.loss.max()), _mechanism(tree)
+
+
+def _with_one(
+    fit: "_Fit", tree: _Tree, waiting: dict[int, tuple[dict[int, Smooth], list[int]]]
+) -> _Tree | None:
+    """The tree with one more part; None if no waiting one becomes smooth.
+
+    Args:
+        fit: what to work with.
+        tree: so far.
+        waiting: of each part its touches by each hand, and joints that may move it alone.
+    """
+    # Where hands were told apart joints may move the part alone: that is asked of a sharp body.
+    for told in (False, True):
+        tried = [
+            fit.best_place(tree, part, its, new)
+            for part, (its, new) in sorted(waiting.items())
+            if told == (UNTOLD not in its)
+        ]
+        for loss, part, bigger in sorted(tried, key=lambda one: one[0]):
+            if loss < _JOINS:
+                # If it stays rough, joints are in wrong orders, which other parts may tell first.
+                improved = fit.improved(bigger)
+                if improved.loss_of(part) < _SMOOTH:
+                    return improved
+    return None
+
+
+def _begun(fit: "_Fit", body: Mechanism, own: Sequence[np.ndarray]) -> _Tree:
+    """The limbs that leave one part."""
+    (first,) = body.links.part
+    base, ends = body.links.part[first], body.links.toucher
+    hands = range(len(own))
+    orders = tuple(tuple(order_of(body.links.way(base, ends[hand]))) for hand in hands)
+    pairs = tuple((first, hand) for hand in hands)
+    loss = np.full((1, len(own)), np.inf)
+    return _Tree(
+        _Arrangement(orders, {first: _Place()}, pairs),
+        Bodies([[]], body.twists[None], body.points[None], loss),
+        [fit.group(rows) for rows in own],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Fits of trees to what was felt.
+
+    Attributes:
+        search: what to work on.
+        sensation: `(n, S)` readings of the receptors.
+        moving: joints that move.
+    """
+
+    search: Search
+    sensation: csr_array
+    moving: Sequence[int]
+
+    def group(self, rows: np.ndarray) -> Smooth:
+        """Some touches of a part by a hand."""
+        some = np.sort(self.search.random.permutation(rows)[:_LOOKED_AT])
+        return Smooth(some, Sensed.of(self.sensation[some]).precision(SEARCHED_NOISE))
+
+    def improved(self, tree: _Tree) -> _Tree:
+        """The best tree that steps from one arrangement to the next lead to."""
+        arrangement, body = tree.arrangement, tree.body
+        hands = [hand for _, hand in arrangement.touched]
+        for _ in range(_MOST_PASSES):
+            known = arrangement.joints()
+            near = arrangement.near([joint for joint in self.moving if joint not in known])
+            bodies = body.pick(np.zeros(len(near), dtype=int))
+            for number, (one, fresh, _) in enumerate(near):
+                bodies.ways[number] = [one.way(*pair) for pair in one.touched]
+                bodies.twists[number, fresh] = self._drawn(len(fresh))
+            order, last = self._best(tree.groups, bodies, hands)
+            cost = last.loss.sum(axis=1) + [near[number][2] for number in order]
+            best = int(np.argmin(cost))
+            arrangement, body = near[order[best]][0], last.pick([best])
+            if best == 0:
+                break
+        return _Tree(arrangement, body, tree.groups)
+
+    def best_place(
+        self, tree: _Tree, part: int, groups: dict[int, Smooth], new: Sequence[int]
+    ) -> tuple[float, int, _Tree]:
+        """Where touches of a part are smoothest: their criterion, the part, and the bigger tree.
+
+        Args:
+            tree: without the part.
+            part: which part.
+            groups: its touches by each hand; of `UNTOLD` any hand may have made all.
+            new: joints that may move it alone, if hands were told apart.
+        """
+        if UNTOLD in groups:
+            hands = range(len(tree.arrangement.orders))
+            tried = [self._tried(tree, part, {hand: groups[UNTOLD]}, [()]) for hand in hands]
+            return min(tried, key=lambda one: one[0])
+        known = tree.arrangement.joints()
+        owns = _orders_of_some([joint for joint in new if joint not in known])
+        return self._tried(tree, part, groups, owns)
+
+    def _tried(
+        self,
+        tree: _Tree,
+        part: int,
+        groups: dict[int, Smooth],
+        owns: Sequence[tuple[int, ...]],
+    ) -> tuple[float, int, _Tree]:
+        """The same, for hands that are known and given joints that move the part alone."""
+        before = tree.arrangement
+        arrangements = [
+            before.with_part(part, replace(place, own=own), groups)
+            for own in owns
+            for place in before.places()
+            for _ in range(_STARTS if own else 1)
+        ]
+        arrangements = [one for one in arrangements if one.reached(part)]
+        bodies = tree.body.pick(np.zeros(len(arrangements), dtype=int))
+        bodies = replace(bodies, loss=np.full((len(arrangements), len(groups)), np.inf))
+        for number, one in enumerate(arrangements):
+            own = list(one.worn[part].own)
+            bodies.ways[number] = [one.way(part, hand) for hand in groups]
+            bodies.twists[number, own] = self._drawn(len(own))
+        # Where the part brings joints of its own, all others stay.
+        fixed = before.joints() if any(owns) else ()
+        order, fitted = self._best(list(groups.values()), bodies, list(groups), fixed=fixed)
+        loss = fitted.loss.mean(axis=1)
+        best = int(np.argmin(loss))
+        # Else the fit left the frame of the body, and brings nothing to it.
+        body = fitted.pick([best]) if fixed else bodies.pick([order[best]])
+        bigger = _Tree(arrangements[order[best]], body, [*tree.groups, *groups.values()])
+        return float(loss[best]), part, bigger
+
+    def _best(
+        self, groups: Sequence[Smooth], bodies: Bodies, hands: Sequence[int], **more
+    ) -> tuple[np.ndarray, Bodies]:
+        """Numbers of the first and of the best other bodies, and these after a long descent."""
+        first = self.search.descended(groups, bodies, _FIRST, touchers=hands, **more)
+        order = np.argsort(first.loss[1:].sum(axis=1), kind="stable")[:_BEST] + 1
+        order = np.concatenate([[0], order])
+        picked = first.pick(order)
+        return order, self.search.descended(groups, picked, Descent(), touchers=hands, **more)
+
+    def _drawn(self, number: int) -> np.ndarray:
+        """Twists drawn anew."""
+        return 0.6 * random_twists(self.search.random, number)
+
+
+def _orders_of_some(joints: Sequence[int]) -> list[tuple[int, ...]]:
+    """All orders of all of some joints, none of them among these."""
+    if len(joints) > _MOST_OWN:
+        return [()]
+    numbers = range(len(joints) + 1)
+    return [own for number in numbers for own in itertools.permutations(joints, number)]
+
+
+def _mechanism(tree: _Tree) -> Mechanism:
+    """The same with a tree of links."""
+    arrangement, links = tree.arrangement, Links({}, 1, {}, {})
+    carrying = dict[tuple[int, int], int]()
+    for limb, order in enumerate(arrangement.orders):
+        end = carrying[limb, 0] = 0
+        for number, joint in enumerate(order, start=1):
+            links, end = links.extended(end, [joint], forwards=True)
+            carrying[limb, number] = end
+        links = replace(links, toucher={**links.toucher, limb: end})
+    for part, place in arrangement.worn.items():
+        links = links.with_part(part, carrying[place.limb, place.behind], place.own)
+    return Mechanism(links, tree.body.twists[0], tree.body.points[0], arrangement.touched)
