@@ -21,8 +21,8 @@ from selftouch_drake.agent.body_model.density import limbs, telling_cores, who_t
 from selftouch_drake.agent.body_model.fit import Bodies, Group, Smooth
 from selftouch_drake.agent.body_model.forest import Mechanism
 from selftouch_drake.agent.body_model.one_limb import Limb, joined
-from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
 from selftouch_drake.agent.body_model.smooth_tree import UNTOLD, Touched, with_parts
+from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
 from selftouch_drake.agent.body_model.structure import (
     Search,
     joints_that_hold,

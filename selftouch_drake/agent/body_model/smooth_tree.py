@@ -123,7 +123,7 @@ class _Arrangement:
                 for number in range(len(order) + 1):
                     longer = self._with_order(limb, (*order[:number], joint, *order[number:]))
                     found += [(one, [joint], _EARNED) for one in longer.kept(self, limb, joint)]
-        first, *others = self.worn
+        _, *others = self.worn
         for part in others:
             place = self.worn[part]
             for there in self.places():

@@ -49,6 +49,22 @@ def test_overlap_is_found_from_what_is_felt_together():
     assert not double
 
 
+def test_a_receptor_at_the_rim_joins_no_two_skins():
+    rng = np.random.default_rng(0)
+    place = rng.uniform(0, 12, 6000)
+    field = np.maximum(1.5 - np.abs(place[:, None] - np.arange(12) - 0.5), 0)
+    skins = [slice(0, 6), slice(6, 12)]
+    for one, other in (skins, skins[::-1]):
+        field[(place < 6) == (other.start == 0), one] = 0
+    # Between two skins a fist presses both: nearly half of the touches of one receptor.
+    wedged = np.flatnonzero(field[:, 6] > 0)
+    wedged = rng.permutation(wedged)[: int(0.45 * len(wedged))]
+    field[wedged, 3:6] += 1
+    overlap, _ = overlapping(field)
+    assert not overlap[skins[0], skins[1]].any()
+    assert overlap[skins[0], skins[0]].sum() == overlap[skins[1], skins[1]].sum()
+
+
 def test_a_receptor_that_never_feels_overlaps_with_itself_alone():
     overlap, _ = overlapping(np.array([[1.0, 1.0, 0.0]] * 5))
     np.testing.assert_array_equal(overlap, [[1, 1, 0], [1, 1, 0], [0, 0, 1]])
