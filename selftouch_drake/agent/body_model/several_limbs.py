@@ -206,7 +206,7 @@ class _Touches:
         search: Search, q: np.ndarray, sensation: csr_array, rows: np.ndarray
     ) -> "_Touches | None":
         """Some touches of a part, in any order; None if they do not show several limbs."""
-        rows = rows[:_LOOKED_AT]
+        rows = np.sort(rows[:_LOOKED_AT])
         number = len(rows) // _NEIGHBOURHOOD
         if number < _FEWEST_NEIGHBOURHOODS:
             return None
