@@ -23,8 +23,8 @@ UNTOLD = -1
 # Touches of each part by a hand that are looked at.
 _LOOKED_AT = 200
 # Another arrangement is taken if it is better by this much, by more if it has a joint more, and so
-# often at most.
-_GAIN, _EARNED, _MOST_PASSES = 0.1, 0.3, 20
+# often at most; if none is, more twists are drawn so often.
+_GAIN, _EARNED, _MOST_PASSES, _IDLE = 0.1, 0.3, 20, 3
 # All neighbours of an arrangement have so many steps, and so many of the best ones more.
 _FIRST, _BEST = Descent(steps=100), 10
 # A part is tried if the criterion of its touches is lower, and joins if it becomes smooth. At 0
@@ -299,7 +299,7 @@ class _Fit:
 
     def improved(self, tree: _Tree) -> _Tree:
         """The best tree that steps from one arrangement to the next lead to."""
-        arrangement, body = tree.arrangement, tree.body
+        arrangement, body, idle = tree.arrangement, tree.body, 0
         hands = [hand for _, hand in arrangement.touched]
         for _ in range(_MOST_PASSES):
             known = arrangement.joints()
@@ -312,7 +312,9 @@ class _Fit:
             cost = last.loss.sum(axis=1) + [near[number][2] for number in order]
             best = int(np.argmin(cost))
             arrangement, body = near[order[best]][0], last.pick([best])
-            if best == 0:
+            idle = idle + 1 if best == 0 else 0
+            # Where something is rough yet, the right twist may not have been drawn.
+            if idle >= (1 if body.loss.max() < _SMOOTH else _IDLE):
                 break
         return _Tree(arrangement, body, tree.groups)
 
