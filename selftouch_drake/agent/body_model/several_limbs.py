@@ -94,7 +94,7 @@ def of_several_limbs(
                 continue
             orders = [limb.order for limb in limbs]
             others = {
-                other: _by_hand(search, q, sensation, rows, orders)
+                other: by_hand(search, q, sensation, rows, orders)
                 for other, rows in rows_of.items()
                 if other != number
             }
@@ -122,10 +122,18 @@ def _moving(q: np.ndarray) -> list[int]:
     return np.flatnonzero(np.ptp(q, axis=0) > 0).tolist()
 
 
-def _by_hand(
+def by_hand(
     search: Search, q: np.ndarray, sensation: csr_array, rows: np.ndarray, orders: list[list[int]]
 ) -> Touched:
-    """Touches of one part by the hands of limbs whose orders are known, if these can be told."""
+    """Touches of one part by the hands of limbs whose orders are known, if these can be told.
+
+    Args:
+        search: what to work on.
+        q: `(n, J)` standardised readings.
+        sensation: `(n, S)` readings of the receptors.
+        rows: touches of the part, in any order.
+        orders: joints of each limb, those nearest to the part where limbs were found first.
+    """
     untold = Touched({UNTOLD: rows}, [])
     rows = rows[:_LOOKED_AT]
     number = len(rows) // _NEIGHBOURHOOD

@@ -9,9 +9,11 @@ from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.few import judged_in_turn
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.several_limbs import (
+    by_hand,
     neighbourhoods_of_parts,
     of_several_limbs,
 )
+from selftouch_drake.agent.body_model.smooth_tree import UNTOLD
 from selftouch_drake.agent.body_model.structure import Search
 
 EACH = 700
@@ -71,6 +73,27 @@ def test_one_arm_is_no_several():
     q, felt = ARMS[0].touches(2 * EACH)
     part = np.zeros(len(q), dtype=int)
     assert of_several_limbs(search_of(q), q, csr_array(felt), part, part == 0) is None
+
+
+def test_known_limbs_tell_whose_touches_of_another_part_are():
+    q, felt, who = touches_of_two_arms()
+    orders = [[0, 1, 2, 3], [4, 5, 6, 7]]
+    told = by_hand(search_of(q), q, felt, np.arange(len(q)), orders).rows
+    assert sorted(told) == [0, 1]
+    for limb, rows in told.items():
+        assert len(rows) > 0.4 * EACH
+        assert (who[rows] == limb).mean() > 0.97
+
+
+def test_hands_are_told_only_where_their_own_limbs_hold_each_other():
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (2 * EACH, 8))
+    orders = [[0, 1, 2, 3], [4, 5, 6, 7]]
+    q[:, :4], felt = ARMS[0].touches(2 * EACH)
+    of_one = by_hand(search_of(q), q, csr_array(felt), np.arange(len(q)), orders).rows
+    assert list(of_one) == [0]
+    q = np.random.default_rng(0).permutation(q)
+    of_none = by_hand(search_of(q), q, csr_array(felt), np.arange(len(q)), orders).rows
+    assert list(of_none) == [UNTOLD]
 
 
 def test_few_touches_are_none():
