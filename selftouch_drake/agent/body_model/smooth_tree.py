@@ -107,18 +107,28 @@ class _Arrangement:
         hands = (hand for other, hand in self.touched if other == part)
         return all(len(self.way(part, hand)) >= _FEWEST_JOINTS for hand in hands)
 
-    def near(self, spare: Iterable[int]) -> list[tuple["_Arrangement", list[int], float]]:
+    def near(
+        self, spare: Iterable[int], *, wide: bool
+    ) -> list[tuple["_Arrangement", list[int], float]]:
         """This one, and those with one joint or part moved, or one of the spare joints more.
 
         Each with joints whose twists are to be drawn anew, and how much better it has to be.
+
+        Args:
+            spare: joints that the arrangement does not have.
+            wide: draw anew whatever a joint passes, too.
         """
         found: list[tuple[_Arrangement, list[int], float]] = [(self, [], 0.0)]
         for limb, order in enumerate(self.orders):
             for changed, joint in _moved(order):
                 moved = self._with_order(limb, changed)
                 # Parts that it passes keep the number of joints before them, or these joints.
+                fresh = [joint]
+                if wide:
+                    ends = sorted((order.index(joint), changed.index(joint)))
+                    fresh = list(order[ends[0] : ends[1] + 1])
                 variants = _each_once([moved, *moved.kept(self, limb, joint)])
-                found += [(one, [joint], _GAIN) for one in variants]
+                found += [(one, fresh, _GAIN) for one in variants]
             for joint in spare:
                 for number in range(len(order) + 1):
                     longer = self._with_order(limb, (*order[:number], joint, *order[number:]))
@@ -224,7 +234,9 @@ def with_parts(
         own: touches of that part by each hand.
         moving: joints that move.
     """
-    fit = _Fit(search, sensation, moving)
+    # What moves a part alone is no joint of a limb.
+    alone = {joint for touched in others.values() for joint in touched.new}
+    fit = _Fit(search, sensation, [joint for joint in moving if joint not in alone])
     tree = fit.improved(_begun(fit, body, own))
     groups = {
         part: {hand: fit.group(rows) for hand, rows in touched.rows.items() if len(rows) >= FEWEST}
@@ -285,12 +297,12 @@ class _Fit:
     Attributes:
         search: what to work on.
         sensation: `(n, S)` readings of the receptors.
-        moving: joints that move.
+        of_limbs: joints that limbs may have.
     """
 
     search: Search
     sensation: csr_array
-    moving: Sequence[int]
+    of_limbs: Sequence[int]
 
     def group(self, rows: np.ndarray) -> Smooth:
         """Some touches of a part by a hand."""
@@ -303,7 +315,8 @@ class _Fit:
         hands = [hand for _, hand in arrangement.touched]
         for _ in range(_MOST_PASSES):
             known = arrangement.joints()
-            near = arrangement.near([joint for joint in self.moving if joint not in known])
+            spare = [joint for joint in self.of_limbs if joint not in known]
+            near = arrangement.near(spare, wide=idle > 0)
             bodies = body.pick(np.zeros(len(near), dtype=int))
             for number, (one, fresh, _) in enumerate(near):
                 bodies.ways[number] = [one.way(*pair) for pair in one.touched]
