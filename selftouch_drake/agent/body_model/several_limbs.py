@@ -142,8 +142,7 @@ def by_hand(
     labels = Sensed.of(sensation[rows]).neighbourhoods(number, search.random)
     standard = np.ascontiguousarray(search.q[:, rows])
     group = Group.of(np.arange(len(rows)), labels)
-    share = np.zeros((len(rows), len(orders)))
-    share[group.rows] = who_touched(standard, group, [order[:_CORE] for order in orders])
+    share = _shares(standard, group, [order[:_CORE] for order in orders])
     if _surely_told(share) < _TOLD:
         return untold
     limb = np.where(share.max(axis=1) > _NEARLY_SURE, share.argmax(axis=1), UNTOLD)
@@ -157,6 +156,13 @@ def by_hand(
         {one: rows[limb == one] for one in range(len(orders)) if (limb == one).any()},
         sorted(new - set(itertools.chain(*orders))),
     )
+
+
+def _shares(q: np.ndarray, group: Group, cores: list[list[int]]) -> np.ndarray:
+    """`(n, U)` probability that each limb made each touch; 0 for touches of no neighbourhood."""
+    share = np.zeros((q.shape[1], len(cores)))
+    share[group.rows] = who_touched(q, group, cores)
+    return share
 
 
 def _surely_told(share: np.ndarray) -> float:
@@ -229,8 +235,7 @@ class _Touches:
             cores = telling_cores(own.q, group, [core[:_TELLING] for core in cores])
             if len(cores) < 2:
                 continue
-            share = np.zeros((len(rows), len(cores)))
-            share[group.rows] = who_touched(own.q, group, cores)
+            share = _shares(own.q, group, cores)
             sure = _surely_told(share)
             if best is None or sure > best[0]:
                 best = sure, share, cores
