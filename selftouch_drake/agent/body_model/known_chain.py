@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.body_model import few
 from selftouch_drake.agent.body_model.chain import derivatives, places
@@ -158,6 +159,12 @@ class ChainLearner:
             q = np.concatenate([self._q, q])
             sensation = np.concatenate([self._sensation, sensation])
         self._q, self._sensation = q[-_LAST:], sensation[-_LAST:]
+        # Matrices are small: more threads wait for each other, and sum in an order of their own.
+        with threadpool_limits(limits=1, user_api="blas"):
+            self._learn()
+
+    def _learn(self) -> None:
+        """Follows the last touches, and looks for a chain or judges it anew when that is due."""
         due = self._num >= self._due
         if self.known is not None:
             self.known = self.known.fitted_to(self._q, self._sensation)
@@ -182,7 +189,9 @@ class ChainLearner:
 def found_chain(q: np.ndarray, sensation: np.ndarray, *, seed: int = 0) -> KnownChain | None:
     """The chain that `(n, J)` readings and `(n, S)` sensations accept; None if they accept none."""
     readings = StandardReadings.of(q)
-    if not readings.moving:
+    moving = len(readings.moving)
+    # A chain of all joints, even if they turn alike, could not be judged by fewer touches.
+    if not moving or len(q) < few.needed_for(moving, alike=moving)[1]:
         return None
     search = Search(readings.single(), np.random.default_rng(seed), scale=readings.scale)
     felt = csr_array(sensation)

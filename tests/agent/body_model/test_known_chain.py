@@ -7,9 +7,9 @@ import pytest
 from hand_made_chains import a_ball, an_arm, misfit, sample
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.body_model import known_chain
+from selftouch_drake.agent.body_model import few, known_chain
 from selftouch_drake.agent.body_model.chain import places
-from selftouch_drake.agent.body_model.known_chain import ChainLearner, spread_out
+from selftouch_drake.agent.body_model.known_chain import ChainLearner, found_chain, spread_out
 from selftouch_drake.agent.body_model.next_touch import informative, next_touches, reachable
 
 LIMITS = {"lower": np.full(4, -1.5), "upper": np.full(4, 1.5)}
@@ -135,3 +135,12 @@ def test_informative_touches_make_joints_surer_than_others(arm, known):
 
 def test_a_body_that_does_not_move_has_no_chain():
     assert known_chain.found_chain(np.ones((120, 3)), np.ones((120, 9))) is None
+
+
+def test_too_few_touches_of_many_joints_are_not_searched(monkeypatch):
+    def searched(*args, **kwargs):
+        raise AssertionError("a chain that nothing could judge was looked for")
+
+    monkeypatch.setattr(few, "found_by_sensation", searched)
+    random = np.random.default_rng(0)
+    assert found_chain(random.standard_normal((100, 14)), random.random((100, 5))) is None
