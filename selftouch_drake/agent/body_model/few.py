@@ -375,6 +375,13 @@ def verdict(distance: np.ndarray, off: np.ndarray, *, criterion: float) -> Judge
     )
 
 
+def clearly_off(judgement: Judgement) -> bool:
+    """Whether touches left out say no, even if a standard error is added to their share."""
+    near = judgement.near
+    surely = near + np.sqrt(near * (1 - near) / max(judgement.tested, 1))
+    return bool(surely * min(1.0, 2 * judgement.inliers) < _ACCEPTED)
+
+
 def _kinds(
     q: np.ndarray, precision: np.ndarray, chain: SmoothChain, unit: np.ndarray | None
 ) -> tuple[SmoothChain, list[int]]:

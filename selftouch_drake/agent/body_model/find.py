@@ -346,7 +346,7 @@ def _find_several_limbs(
         target, of_label = neighbourhoods_of_parts(felt, part, each, search.random)
         return replace(touches, target=target, part=of_label)
 
-    body = _grown_best(search, labelled(_TO_GROW), of_part, purpose)
+    body = _grown_best(search, labelled(_TO_GROW), of_part, purpose, patient=True)
     if body is None:
         return None
     found = _finished_tree(search, labelled(_TO_FINISH), body, purpose, seed)
@@ -366,17 +366,30 @@ def _grown_best(
     touches: StandardTouches,
     of_part: Callable[[], Mechanism | None],
     purpose: np.ndarray,
+    *,
+    patient: bool = False,
 ) -> Mechanism | None:
-    """The body that grows best from the chains of all limbs that reach one part."""
-    number, best = len(np.unique(touches.part[touches.target])), None
+    """The body that grows best from the chains of all limbs that reach one part.
+
+    Args:
+        search: what to work on.
+        touches: all of them, in labels.
+        of_part: looks for these chains.
+        purpose: `(n,)` of each touch, as of `held_out`.
+        patient: whether that looked often, so that none are to be found if it found none.
+    """
+    of_each_part, best = np.bincount(touches.part[touches.target]), None
+    number = int((of_each_part >= few.FEWEST).sum())
     for _ in range(_ANEW):
         first = of_part()
         if first is None:
+            if patient:
+                break
             continue
         body = grow.full(first, search, touches.scene({}), purpose > 0, touches.moving)
         if best is None or len(body.links.part) > len(best.links.part):
             best = body
-        if len(best.links.part) == number:
+        if len(best.links.part) >= number:
             break
     return best
 
@@ -550,7 +563,8 @@ def judge_parts_by_sensation(
     """The judgement of each part of a tree that few touches led to, by the rule of few touches.
 
     Of a part all of whose joints others have proved only the link is open, which hardly any touch
-    decides: all of its touches judge it, left out in turn of what says where sensations are.
+    decides: all of its touches judge it, left out in turn of what says where sensations are. But
+    where those that no fit has seen clearly say no, that holds.
 
     Args:
         scene: all touches.
@@ -576,8 +590,11 @@ def judge_parts_by_sensation(
         if verdicts[part].accepted:
             proved |= _joints_to(scene, part)
     for part, verdict in verdicts.items():
-        if not verdict.accepted and _joints_to(scene, part) <= proved:
-            verdicts[part] = judged_so(part, np.ones_like(tested))
+        unsure = not verdict.accepted and not few.clearly_off(verdict)
+        if unsure and _joints_to(scene, part) <= proved:
+            of_all = judged_so(part, np.ones_like(tested))
+            said = f"{of_all.reason}; touches of the fit judged, too, as its joints are proved"
+            verdicts[part] = replace(of_all, reason=said)
     return verdicts
 
 
@@ -729,8 +746,10 @@ def _commuting(tree: Tree, twists: np.ndarray) -> np.ndarray:
 
 def _may_change(groups: np.ndarray, joint: int, other: int) -> None:
     """Two joints may change places, with all that either may change with."""
-    group = max(groups[joint], groups[other])
-    groups[[joint, other]] = group if group >= 0 else groups.max() + 1
+    old = {groups[joint], groups[other]} - {-1}
+    group = min(old, default=groups.max() + 1)
+    groups[np.isin(groups, list(old))] = group
+    groups[[joint, other]] = group
 
 
 def _amount(w: np.ndarray, v: np.ndarray) -> float:

@@ -7,6 +7,7 @@ which others are. What is left over is that of the next limb.
 """
 
 import itertools
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -21,7 +22,12 @@ from selftouch_drake.agent.body_model.density import limbs, telling_cores, who_t
 from selftouch_drake.agent.body_model.fit import Bodies, Group, Smooth
 from selftouch_drake.agent.body_model.forest import Mechanism
 from selftouch_drake.agent.body_model.one_limb import Limb, joined
-from selftouch_drake.agent.body_model.smooth_tree import UNTOLD, Touched, with_parts
+from selftouch_drake.agent.body_model.smooth_tree import (
+    UNTOLD,
+    WELL_MADE,
+    Touched,
+    with_parts,
+)
 from selftouch_drake.agent.body_model.smoothness import Sensed, SmoothChain, finished
 from selftouch_drake.agent.body_model.structure import (
     Search,
@@ -37,9 +43,10 @@ MOST = 12_000
 # 90 97 to 99, and with 120 often too few neighbourhoods are left.
 _LOOKED_AT, _NEIGHBOURHOOD, _FEWEST_NEIGHBOURHOODS = 4000, 90, 12
 # Clusterings that are tried until so many touches are surely of one limb: joints that tell the
-# limbs are found in most of them. Of an infant's torso 88 to 94 % are sure then, of a forearm,
-# which one hand alone touches, at most a tenth.
-_CLUSTERINGS, _WELL_TOLD = 4, 0.8
+# limbs are found in most of them. Of an infant's torso 88 to 94 % are sure then, of a body between
+# two arms, from 3,000 touches, 39 % and more, and of a forearm, which one hand alone touches, at
+# most a tenth: limbs are not looked for where fewer are.
+_CLUSTERINGS, _WELL_TOLD, _HARDLY_TOLD = 4, 0.8, 0.15
 # Joints that tell a limb, and the probability above which a touch is nearly surely its own.
 _TELLING, _NEARLY_SURE = 3, 0.99
 # Joints of a known limb that tell its touches on another part, and the share of them that are
@@ -51,9 +58,8 @@ _OWN = 3.0
 # Share of near touches, left out in turn, from which a chain is taken at once, and at all: where
 # neighbours are in a wrong order, other parts tell. The whole body is judged.
 _AGREED, _HOPE = 0.5, 0.25
-# So often limbs are looked for, unless all parts are smoother: the worst touches by one hand on one
-# part of right infants had a criterion of -2.4 to 0.8, of wrong ones 2.7 and more.
-_TRIES, _SMOOTH = 3, 1.5
+# So often limbs are looked for, unless the tree is well made.
+_TRIES = 3
 # Touches by which chains are searched, and fitted while they find their own touches; rounds of
 # that, and steps of each.
 _SEARCHED, _FITTED, _ROUNDS, _STEPS = 256, 500, 3, 40
@@ -86,23 +92,26 @@ def of_several_limbs(
         if (touches := _Touches.of(search, q, sensation, rows)) is not None
     ]
     mixed.sort(key=lambda one: -one[1].surely_told())
+    able = {number for number, rows in rows_of.items() if len(rows) >= few.FEWEST}
     for number, touches in mixed:
-        tried = [_Tried(len(rows_of), np.inf, None)]
+        if touches.surely_told() < _HARDLY_TOLD:
+            break
+        tried = [_Tried(len(able), np.inf, None)]
         for _ in range(_TRIES):
-            limbs = [replace(limb, rows=touches.rows[limb.rows]) for limb in touches.chains()]
-            if len(limbs) < 2:
+            found = [replace(limb, rows=touches.rows[limb.rows]) for limb in touches.chains()]
+            if len(found) < 2:
                 continue
-            orders = [limb.order for limb in limbs]
+            orders = [limb.order for limb in found]
             others = {
-                other: by_hand(search, q, sensation, rows, orders)
+                other: by_hand(search, sensation, rows, orders)
                 for other, rows in rows_of.items()
                 if other != number
             }
-            body = joined(q, sensation, number, limbs)
-            own = [limb.rows for limb in limbs]
+            body = joined(q, sensation, number, found)
+            own = [limb.rows for limb in found]
             loss, body = with_parts(search, sensation, others, body, own, _moving(q))
-            tried.append(_Tried(len(rows_of) - len(body.links.part), loss, body))
-            if tried[-1].missing == 0 and loss < _SMOOTH:
+            tried.append(_Tried(len(able - set(body.links.part)), loss, body))
+            if tried[-1].missing == 0 and loss < WELL_MADE:
                 break
         best = min(tried, key=lambda one: (one.missing, one.loss))
         if best.body is not None:
@@ -123,18 +132,17 @@ def _moving(q: np.ndarray) -> list[int]:
 
 
 def by_hand(
-    search: Search, q: np.ndarray, sensation: csr_array, rows: np.ndarray, orders: list[list[int]]
+    search: Search, sensation: csr_array, rows: np.ndarray, orders: list[list[int]]
 ) -> Touched:
     """Touches of one part by the hands of limbs whose orders are known, if these can be told.
 
     Args:
         search: what to work on.
-        q: `(n, J)` standardised readings.
         sensation: `(n, S)` readings of the receptors.
         rows: touches of the part, in any order.
         orders: joints of each limb, those nearest to the part where limbs were found first.
     """
-    untold = Touched({UNTOLD: rows}, [])
+    untold = Touched({UNTOLD: rows})
     rows = rows[:_LOOKED_AT]
     number = len(rows) // _NEIGHBOURHOOD
     if number < _FEWEST_NEIGHBOURHOODS:
@@ -146,15 +154,17 @@ def by_hand(
     if _surely_told(share) < _TOLD:
         return untold
     limb = np.where(share.max(axis=1) > _NEARLY_SURE, share.argmax(axis=1), UNTOLD)
-    new = set[int]()
+    known, holding = set(itertools.chain(*orders)), Counter[int]()
     for one in range(len(orders)):
         own = np.flatnonzero(limb == one)
-        new |= set(
-            joints_that_hold(*pair_statistic(standard, Group.of(own, labels[own]), least=20))
-        )
+        statistic, noise = pair_statistic(standard, Group.of(own, labels[own]), least=20)
+        # Too few touches by a hand say nothing of joints.
+        if np.isfinite(noise):
+            holding.update(set(joints_that_hold(statistic, noise)) - known)
     return Touched(
         {one: rows[limb == one] for one in range(len(orders)) if (limb == one).any()},
-        sorted(new - set(itertools.chain(*orders))),
+        new=sorted(holding),
+        alone=sorted(joint for joint, hands in holding.items() if hands > 1),
     )
 
 

@@ -7,7 +7,7 @@ So all parts are made smooth at once, while orders of joints and links of parts 
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -31,6 +31,9 @@ _FIRST, _BEST = Descent(steps=100), 10
 # places are as smooth as draws of the process: parts of right infants had -3.7 to 0.9, and on
 # wrong joints 1.6 and more.
 _JOINS, _SMOOTH = 5.0, 1.0
+#: A tree is well made if the criterion of the worst touches by one hand on one part is lower: that
+#: of right infants was -2.4 to 0.8, of wrong ones 2.7 and more.
+WELL_MADE = 1.5
 # A way has so many joints at least, to touch all of a part.
 _FEWEST_JOINTS = 3
 # Joints that may move a part alone, at most, and random starts of each order of these.
@@ -42,12 +45,15 @@ class Touched:
     """Touches of a part that waits for its place.
 
     Attributes:
-        rows: of each limb whose hand made some; all of `UNTOLD`, if hands were not told apart.
-        new: joints that may move the part alone.
+        rows: of each limb whose hand made some, `(n,)` in any order; all of `UNTOLD`, if hands were
+            not told apart.
+        new: joints of no limb that matter to these touches, so that they may move the part alone.
+        alone: those of them that matter to touches by several hands, so that no limb has them.
     """
 
     rows: dict[int, np.ndarray]
-    new: list[int]
+    new: list[int] = field(default_factory=list)
+    alone: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +144,11 @@ class _Arrangement:
             place = self.worn[part]
             for there in self.places():
                 there = replace(there, own=place.own)
-                near = there.limb == place.limb or there.behind == 0
-                moved = replace(self, worn={**self.worn, part: there})
-                if there != place and near and moved.reached(part):
-                    found.append((moved, [], _GAIN))
-        return found
+                # All limbs leave the link of the first part.
+                near = there.limb == place.limb or 0 in (there.behind, place.behind)
+                if there != place and near:
+                    found.append((replace(self, worn={**self.worn, part: there}), [], _GAIN))
+        return [found[0], *(one for one in found[1:] if all(map(one[0].reached, self.worn)))]
 
     def joints(self) -> list[int]:
         """All of the arrangement."""
@@ -168,12 +174,15 @@ class _Arrangement:
             if place.limb == limb and place.behind:
                 between = set(before.orders[limb][: place.behind]) - {joint}
                 behind = max((order.index(other) + 1 for other in between), default=0)
-                worn[part] = replace(place, behind=behind)
+                worn[part] = replace(place, limb=limb if behind else 0, behind=behind)
                 if behind < len(order) and order[behind] == joint:
                     beside.append(part)
         for number in range(len(beside) + 1):
             for some in itertools.combinations(beside, number):
-                moved = {part: replace(worn[part], behind=worn[part].behind + 1) for part in some}
+                moved = {
+                    part: replace(worn[part], limb=limb, behind=worn[part].behind + 1)
+                    for part in some
+                }
                 yield replace(self, worn={**worn, **moved})
 
 
@@ -183,13 +192,12 @@ def _each_once(arrangements: Sequence[_Arrangement]) -> list[_Arrangement]:
 
 def _moved(order: tuple[int, ...]) -> list[tuple[tuple[int, ...], int]]:
     """Orders with one joint elsewhere, and that joint; each where it is, too."""
-    found, seen = [(order, joint) for joint in order], {order}
+    found = [(order, joint) for joint in order]
     for joint in order:
         rest = [other for other in order if other != joint]
         for place in range(len(order)):
             changed = (*rest[:place], joint, *rest[place:])
-            if changed not in seen:
-                seen.add(changed)
+            if changed != order:
                 found.append((changed, joint))
     return found
 
@@ -213,6 +221,10 @@ class _Tree:
         own = [number for number, pair in enumerate(self.arrangement.touched) if pair[0] == part]
         return float(self.body.loss[0, own].max())
 
+    def worst(self) -> float:
+        """The criterion of the worst touches by one hand on one part."""
+        return float(self.body.loss.max())
+
 
 def with_parts(
     search: Search,
@@ -234,10 +246,12 @@ def with_parts(
         own: touches of that part by each hand.
         moving: joints that move.
     """
-    # What moves a part alone is no joint of a limb.
-    alone = {joint for touched in others.values() for joint in touched.new}
+    alone = {joint for part in others.values() for joint in part.alone}
     fit = _Fit(search, sensation, [joint for joint in moving if joint not in alone])
     tree = fit.improved(_begun(fit, body, own))
+    if tree.worst() >= _JOINS:
+        # Even wrong orders make one part smooth: these are no chains of rigid links.
+        return tree.worst(), _mechanism(tree)
     groups = {
         part: {hand: fit.group(rows) for hand, rows in touched.rows.items() if len(rows) >= FEWEST}
         for part, touched in others.items()
@@ -246,7 +260,7 @@ def with_parts(
     while (bigger := _with_one(fit, tree, waiting)) is not None:
         tree = bigger
         waiting = {part: one for part, one in waiting.items() if part not in tree.arrangement.worn}
-    return float(tree.body.loss.max()), _mechanism(tree)
+    return tree.worst(), _mechanism(tree)
 
 
 def _with_one(
@@ -269,8 +283,10 @@ def _with_one(
         for loss, part, bigger in sorted(tried, key=lambda one: one[0]):
             if loss < _JOINS:
                 # If it stays rough, joints are in wrong orders, which other parts may tell first.
+                # On a wrong link it bends what was smooth.
                 improved = fit.improved(bigger)
-                if improved.loss_of(part) < _SMOOTH:
+                kept = improved.worst() < max(WELL_MADE, tree.worst())
+                if kept and improved.loss_of(part) < _SMOOTH:
                     return improved
     return None
 
@@ -346,8 +362,12 @@ class _Fit:
             hands = range(len(tree.arrangement.orders))
             tried = [self._tried(tree, part, {hand: groups[UNTOLD]}, [()]) for hand in hands]
             return min(tried, key=lambda one: one[0])
-        known = tree.arrangement.joints()
-        owns = _orders_of_some([joint for joint in new if joint not in known])
+        # Those that hardly move the part seem to matter to none of its touches.
+        known, movable = tree.arrangement.joints(), sorted({*self.of_limbs, *new})
+        left = [joint for joint in movable if joint not in known]
+        if len(left) > _MOST_OWN:
+            left = [joint for joint in left if joint in new]
+        owns = _orders_of_some(left)
         return self._tried(tree, part, groups, owns)
 
     def _tried(
@@ -366,6 +386,8 @@ class _Fit:
             for _ in range(_STARTS if own else 1)
         ]
         arrangements = [one for one in arrangements if one.reached(part)]
+        if not arrangements:
+            return np.inf, part, tree
         bodies = tree.body.pick(np.zeros(len(arrangements), dtype=int))
         bodies = replace(bodies, loss=np.full((len(arrangements), len(groups)), np.inf))
         for number, one in enumerate(arrangements):
@@ -375,12 +397,13 @@ class _Fit:
         # Where the part brings joints of its own, all others stay.
         fixed = before.joints() if any(owns) else ()
         order, fitted = self._best(list(groups.values()), bodies, list(groups), fixed=fixed)
-        loss = fitted.loss.mean(axis=1)
-        best = int(np.argmin(loss))
+        # As joints of limbs do, each of its own has to earn itself.
+        earned = [_EARNED * len(arrangements[number].worn[part].own) for number in order]
+        best = int(np.argmin(fitted.loss.sum(axis=1) + earned))
         # Else the fit left the frame of the body, and brings nothing to it.
         body = fitted.pick([best]) if fixed else bodies.pick([order[best]])
         bigger = _Tree(arrangements[order[best]], body, [*tree.groups, *groups.values()])
-        return float(loss[best]), part, bigger
+        return float(fitted.loss[best].mean()), part, bigger
 
     def _best(
         self, groups: Sequence[Smooth], bodies: Bodies, hands: Sequence[int], **more

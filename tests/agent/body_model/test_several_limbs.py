@@ -6,7 +6,7 @@ from hand_made_chains import ArmOnBall, misfit
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.body_model.chain import places
-from selftouch_drake.agent.body_model.few import judged_in_turn
+from selftouch_drake.agent.body_model.few import clearly_off, judged_in_turn
 from selftouch_drake.agent.body_model.find import find_body_model
 from selftouch_drake.agent.body_model.several_limbs import (
     by_hand,
@@ -78,7 +78,7 @@ def test_one_arm_is_no_several():
 def test_known_limbs_tell_whose_touches_of_another_part_are():
     q, felt, who = touches_of_two_arms()
     orders = [[0, 1, 2, 3], [4, 5, 6, 7]]
-    told = by_hand(search_of(q), q, felt, np.arange(len(q)), orders).rows
+    told = by_hand(search_of(q), felt, np.arange(len(q)), orders).rows
     assert sorted(told) == [0, 1]
     for limb, rows in told.items():
         assert len(rows) > 0.4 * EACH
@@ -89,11 +89,28 @@ def test_hands_are_told_only_where_their_own_limbs_hold_each_other():
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (2 * EACH, 8))
     orders = [[0, 1, 2, 3], [4, 5, 6, 7]]
     q[:, :4], felt = ARMS[0].touches(2 * EACH)
-    of_one = by_hand(search_of(q), q, csr_array(felt), np.arange(len(q)), orders).rows
+    of_one = by_hand(search_of(q), csr_array(felt), np.arange(len(q)), orders).rows
     assert list(of_one) == [0]
     q = np.random.default_rng(0).permutation(q)
-    of_none = by_hand(search_of(q), q, csr_array(felt), np.arange(len(q)), orders).rows
+    of_none = by_hand(search_of(q), csr_array(felt), np.arange(len(q)), orders).rows
     assert list(of_none) == [UNTOLD]
+
+
+def test_a_hand_that_hardly_touched_says_nothing_of_joints():
+    random = np.random.default_rng(0)
+    q = random.uniform(-1.5, 1.5, (2 * EACH, 12))
+    q[:, :4], felt = ARMS[0].touches(2 * EACH)
+    told = by_hand(search_of(q), csr_array(felt), np.arange(len(q)), [[0, 1, 2, 3], [4, 5, 6, 7]])
+    assert 0 in told.rows
+    assert told.new == told.alone == []
+
+
+def test_a_joint_that_matters_to_one_hand_alone_may_be_the_hands():
+    q, felt, _ = touches_of_two_arms()
+    told = by_hand(search_of(q), felt, np.arange(len(q)), [[0, 1, 2], [4, 5, 6, 7]])
+    assert sorted(told.rows) == [0, 1]
+    assert told.new == [3]
+    assert told.alone == []
 
 
 def test_few_touches_are_none():
@@ -138,3 +155,15 @@ def test_too_few_left_out_judge_nothing():
     found = judged_in_turn(csr_array(felt), q, place, place[None], judges, np.random.default_rng(0))
     assert not found.accepted
     assert "too few" in found.reason
+    assert not clearly_off(found)
+
+
+@pytest.mark.parametrize(("amount", "off"), [(0.0, False), (0.1, False), (0.3, True)])
+def test_only_touches_that_clearly_say_no_have_the_last_word(amount, off):
+    q, felt = ARMS[0].touches(EACH)
+    random = np.random.default_rng(0)
+    place = ARMS[0].places(q)
+    place = place + amount * random.standard_normal(place.shape)
+    judges = random.random(len(q)) < 0.1
+    found = judged_in_turn(csr_array(felt), q, place, place[None], judges, random)
+    assert clearly_off(found) == off

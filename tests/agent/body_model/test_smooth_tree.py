@@ -8,7 +8,14 @@ from scipy.sparse import block_diag, csr_array
 from selftouch_drake.agent.body_model.chain import places
 from selftouch_drake.agent.body_model.fit import random_twists
 from selftouch_drake.agent.body_model.forest import Links, Mechanism
-from selftouch_drake.agent.body_model.smooth_tree import UNTOLD, Touched, with_parts
+from selftouch_drake.agent.body_model.smooth_tree import (
+    UNTOLD,
+    Touched,
+    _Arrangement,
+    _moved,
+    _Place,
+    with_parts,
+)
 from selftouch_drake.agent.body_model.structure import Search
 
 EACH = 200
@@ -64,8 +71,8 @@ def limbs(orders):
 
 def grown(experience, orders):
     q, sensation, rows = experience
-    head = Touched({0: rows[HEAD, 0], 1: rows[HEAD, 1]}, [8])
-    others = {HEAD: head, FOREARM: Touched({UNTOLD: rows[FOREARM, 1]}, [])}
+    head = Touched({0: rows[HEAD, 0], 1: rows[HEAD, 1]}, new=[8], alone=[8])
+    others = {HEAD: head, FOREARM: Touched({UNTOLD: rows[FOREARM, 1]})}
     search = Search(np.ascontiguousarray(q.T.astype(np.float32)), np.random.default_rng(0))
     own = [rows[TRUNK, hand] for hand in (0, 1)]
     return with_parts(search, sensation, others, limbs(orders), own, list(range(NUM_JOINTS)))
@@ -93,6 +100,56 @@ def test_what_no_hand_touched_stays_out(experience):
     shuffled = sensation[np.random.default_rng(0).permutation(sensation.shape[0])]
     search = Search(np.ascontiguousarray(q.T.astype(np.float32)), np.random.default_rng(0))
     own = [rows[TRUNK, hand] for hand in (0, 1)]
-    others = {FOREARM: Touched({UNTOLD: rows[FOREARM, 1]}, [])}
+    others = {FOREARM: Touched({UNTOLD: rows[FOREARM, 1]})}
     _, body = with_parts(search, shuffled, others, limbs(LIMBS), own, list(range(NUM_JOINTS)))
+    assert set(body.links.part) == {TRUNK}
+
+
+ARRANGEMENT = _Arrangement(
+    LIMBS,
+    {TRUNK: _Place(), FOREARM: _Place(0, 2), HEAD: _Place(0, 0, (8,))},
+    tuple(WAYS),
+)
+
+
+def test_ways_lead_from_parts_to_hands():
+    assert {pair: ARRANGEMENT.way(*pair) for pair in WAYS} == WAYS
+
+
+def neighbours(arrangement):
+    return [one for one, _, _ in arrangement.near([], wide=False)]
+
+
+def test_a_part_beside_the_first_one_may_be_on_any_limb():
+    beside = {one.worn[HEAD] for one in neighbours(ARRANGEMENT) if one.orders == LIMBS}
+    assert {_Place(0, 1, (8,)), _Place(1, 1, (8,))} <= beside
+
+
+def test_hands_keep_joints_enough_to_touch_all_of_a_part():
+    behind_three = _Arrangement(
+        LIMBS, {TRUNK: _Place(), HEAD: _Place(0, 1)}, ((TRUNK, 0), (TRUNK, 1), (HEAD, 0))
+    )
+    # Behind one joint more the hand of its own limb has two left.
+    assert all(len(one.way(HEAD, 0)) >= 3 for one in neighbours(behind_three))
+
+
+def test_either_of_two_neighbours_may_be_the_one_that_moved():
+    swaps = [joint for order, joint in _moved((0, 1, 2)) if order == (1, 0, 2)]
+    assert swaps == [0, 1]
+
+
+def test_a_joint_that_passes_a_part_may_leave_it_on_either_side():
+    # Joints 0 and 1 change places, of which either moved; the part was behind both.
+    worn = _Arrangement(LIMBS, {TRUNK: _Place(), FOREARM: _Place(0, 1)}, ((TRUNK, 0), (FOREARM, 1)))
+    swapped = [one for one in neighbours(worn) if one.orders[0] == (1, 0, 2, 3)]
+    assert {one.worn[FOREARM].behind for one in swapped} == {0, 1, 2}
+
+
+def test_a_part_that_all_hands_are_too_near_to_waits(experience):
+    q, sensation, rows = experience
+    search = Search(np.ascontiguousarray(q.T.astype(np.float32)), np.random.default_rng(0))
+    own = [rows[TRUNK, hand] for hand in (0, 1)]
+    others = {FOREARM: Touched({0: rows[FOREARM, 1]})}
+    short = limbs(((0, 1), LIMBS[1]))
+    _, body = with_parts(search, sensation, others, short, own, [0, 1, 4, 5, 6, 7])
     assert set(body.links.part) == {TRUNK}

@@ -6,7 +6,7 @@ from hand_made_chains import an_arm, touches
 
 from selftouch_drake.agent.body_model.chain import adjoint, places
 from selftouch_drake.agent.body_model.density import limbs, who_touched
-from selftouch_drake.agent.body_model.find import _commuting
+from selftouch_drake.agent.body_model.find import _commuting, _may_change
 from selftouch_drake.agent.body_model.fit import Group, random_twists
 from selftouch_drake.agent.body_model.forest import (
     Links,
@@ -134,3 +134,11 @@ def test_only_joints_that_commute_may_change_places():
     tree = Tree.chain([0, 1, 2, 3, 4])
     twists = np.stack([coaxial, -2 * coaxial, crossing, slide, across])
     assert _commuting(tree, twists).tolist() == [0, 0, -1, 1, 1]
+
+
+def test_groups_of_joints_that_may_change_places_join_whole():
+    groups = np.array([0, 0, 1, 1, -1])
+    _may_change(groups, 1, 2)
+    assert len(set(groups[:4].tolist())) == 1
+    _may_change(groups, 3, 4)
+    assert len(set(groups.tolist())) == 1
