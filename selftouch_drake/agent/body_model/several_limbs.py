@@ -38,15 +38,15 @@ from selftouch_drake.agent.body_model.structure import (
 
 #: With more touches kernels are as good. Two arms were found from 3,000 and from 10,000.
 MOST = 12_000
-# Touches of a part that are looked at, in neighbourhoods of so many, of which some are needed.
-# With 60 each three joints of a limb tell 93 to 98 % of the surest touches of two arms right, with
-# 90 97 to 99, and with 120 often too few neighbourhoods are left.
-_LOOKED_AT, _NEIGHBOURHOOD, _FEWEST_NEIGHBOURHOODS = 4000, 90, 12
+# Touches of a part that are looked at, in neighbourhoods of so many, or of fewer if there are too
+# few of them. With 60 each three joints of a limb tell 93 to 98 % of the surest touches of two arms
+# right, with 90 97 to 99, and with 120 often too few neighbourhoods are left.
+_LOOKED_AT, _NEIGHBOURHOOD, _SMALLER, _FEWEST_NEIGHBOURHOODS = 4000, 90, 60, 12
 # Clusterings that are tried until so many touches are surely of one limb: joints that tell the
 # limbs are found in most of them. Of an infant's torso 88 to 94 % are sure then, of a body between
 # two arms, from 3,000 touches, 39 % and more, and of a forearm, which one hand alone touches, at
 # most a tenth: limbs are not looked for where fewer are.
-_CLUSTERINGS, _WELL_TOLD, _HARDLY_TOLD = 4, 0.8, 0.15
+_CLUSTERINGS, _WELL_TOLD, _HARDLY_TOLD = 8, 0.8, 0.15
 # Joints that tell a limb, and the probability above which a touch is nearly surely its own.
 _TELLING, _NEARLY_SURE = 3, 0.99
 # Joints of a known limb that tell its touches on another part, and the share of them that are
@@ -144,8 +144,8 @@ def by_hand(
     """
     untold = Touched({UNTOLD: rows})
     rows = rows[:_LOOKED_AT]
-    number = len(rows) // _NEIGHBOURHOOD
-    if number < _FEWEST_NEIGHBOURHOODS:
+    number = _num_neighbourhoods(len(rows))
+    if not number:
         return untold
     labels = Sensed.of(sensation[rows]).neighbourhoods(number, search.random)
     standard = np.ascontiguousarray(search.q[:, rows])
@@ -166,6 +166,12 @@ def by_hand(
         new=sorted(holding),
         alone=sorted(joint for joint, hands in holding.items() if hands > 1),
     )
+
+
+def _num_neighbourhoods(touches: int) -> int:
+    """Neighbourhoods of the touches of a part; 0 if these are too few."""
+    numbers = (touches // each for each in (_NEIGHBOURHOOD, _SMALLER))
+    return next((number for number in numbers if number >= _FEWEST_NEIGHBOURHOODS), 0)
 
 
 def _shares(q: np.ndarray, group: Group, cores: list[list[int]]) -> np.ndarray:
@@ -231,8 +237,8 @@ class _Touches:
     ) -> "_Touches | None":
         """Some touches of a part, in any order; None if they do not show several limbs."""
         rows = np.sort(rows[:_LOOKED_AT])
-        number = len(rows) // _NEIGHBOURHOOD
-        if number < _FEWEST_NEIGHBOURHOODS:
+        number = _num_neighbourhoods(len(rows))
+        if not number:
             return None
         felt, sensed = sensation[rows], Sensed.of(sensation[rows])
         own = replace(search, q=np.ascontiguousarray(search.q[:, rows]), sensation=felt)

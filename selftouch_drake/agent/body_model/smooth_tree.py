@@ -20,10 +20,10 @@ from selftouch_drake.agent.body_model.structure import Search, order_of
 
 #: Stands for the hand of touches of which nobody knows who made them: one hand did.
 UNTOLD = -1
-# Touches of each part by a hand that are looked at.
-_LOOKED_AT = 200
-# Another arrangement is taken if it is better by this much, by more if it has a joint more, and so
-# often at most; if none is, more twists are drawn so often.
+# Touches of each part by a hand that are looked at, and how often others are if no part joins.
+_LOOKED_AT, _DRAWN = 200, 2
+# Another arrangement is taken if it is better by this much, or with a joint more if touches of each
+# part by each hand are by more, and so often at most; if none is, more twists are drawn so often.
 _GAIN, _EARNED, _MOST_PASSES, _IDLE = 0.1, 0.3, 20, 3
 # All neighbours of an arrangement have so many steps, and so many of the best ones more.
 _FIRST, _BEST = Descent(steps=100), 10
@@ -116,7 +116,7 @@ class _Arrangement:
     def near(
         self, spare: Iterable[int], *, wide: bool
     ) -> list[tuple["_Arrangement", list[int], float]]:
-        """This one, and those with one joint or part moved, or one of the spare joints more.
+        """This one, and those with one joint or part moved, or one joint more or less.
 
         Each with joints whose twists are to be drawn anew, and how much better it has to be.
 
@@ -124,36 +124,63 @@ class _Arrangement:
             spare: joints that the arrangement does not have.
             wide: draw anew whatever a joint passes, too.
         """
-        found: list[tuple[_Arrangement, list[int], float]] = [(self, [], 0.0)]
+        others = [*self._with_a_joint_moved(wide), *self._with_a_joint_more(spare)]
+        others += self._with_a_part_moved()
+        reached = [one for one in others if all(map(one[0].reached, self.worn))]
+        return [(self, [], 0.0), *reached]
+
+    def _with_a_joint_moved(self, wide: bool) -> Iterator[tuple["_Arrangement", list[int], float]]:
         for limb, order in enumerate(self.orders):
             for changed, joint in _moved(order):
                 moved = self._with_order(limb, changed)
                 # Parts that it passes keep the number of joints before them, or these joints.
-                fresh = [joint]
-                if wide:
-                    ends = sorted((order.index(joint), changed.index(joint)))
-                    fresh = list(order[ends[0] : ends[1] + 1])
                 variants = _each_once([moved, *moved.kept(self, limb, joint)])
-                found += [(one, fresh, _GAIN) for one in variants]
-            for joint in spare:
+                ends = sorted((order.index(joint), changed.index(joint)))
+                passed = list(order[ends[0] : ends[1] + 1])
+                yield from ((one, passed if wide else [joint], _GAIN) for one in variants)
+                if len(passed) == 2:
+                    # Neighbours that change places may keep their axes where they stand.
+                    yield from ((one, [], _GAIN) for one in variants)
+        for part, place in self._others():
+            for own in itertools.permutations(place.own) if place.own else ():
+                yield self._with_place(part, replace(place, own=own)), list(own), _GAIN
+
+    def _with_a_joint_more(
+        self, spare: Iterable[int]
+    ) -> Iterator[tuple["_Arrangement", list[int], float]]:
+        """And with one less of those that move a part alone."""
+        for joint in spare:
+            for limb, order in enumerate(self.orders):
                 for number in range(len(order) + 1):
                     longer = self._with_order(limb, (*order[:number], joint, *order[number:]))
-                    found += [(one, [joint], _EARNED) for one in longer.kept(self, limb, joint)]
-        _, *others = self.worn
-        for part in others:
-            place = self.worn[part]
+                    for one in longer.kept(self, limb, joint):
+                        yield one, [joint], _EARNED * len(self.touched)
+        for part, place in self._others():
+            pairs = sum(other == part for other, _ in self.touched)
+            for joint in place.own:
+                own = tuple(other for other in place.own if other != joint)
+                yield self._with_place(part, replace(place, own=own)), [], -_EARNED * pairs
+
+    def _with_a_part_moved(self) -> Iterator[tuple["_Arrangement", list[int], float]]:
+        for part, place in self._others():
             for there in self.places():
                 there = replace(there, own=place.own)
                 # All limbs leave the link of the first part.
                 near = there.limb == place.limb or 0 in (there.behind, place.behind)
                 if there != place and near:
-                    found.append((replace(self, worn={**self.worn, part: there}), [], _GAIN))
-        return [found[0], *(one for one in found[1:] if all(map(one[0].reached, self.worn)))]
+                    yield self._with_place(part, there), [], _GAIN
+
+    def _others(self) -> list[tuple[int, _Place]]:
+        """All parts but the first, and where they are."""
+        return list(self.worn.items())[1:]
 
     def joints(self) -> list[int]:
         """All of the arrangement."""
         owns = (place.own for place in self.worn.values())
         return list(itertools.chain(*self.orders, *owns))
+
+    def _with_place(self, part: int, place: _Place) -> "_Arrangement":
+        return replace(self, worn={**self.worn, part: place})
 
     def _with_order(self, limb: int, order: tuple[int, ...]) -> "_Arrangement":
         return replace(self, orders=(*self.orders[:limb], order, *self.orders[limb + 1 :]))
@@ -252,14 +279,15 @@ def with_parts(
     if tree.worst() >= _JOINS:
         # Even wrong orders make one part smooth: these are no chains of rigid links.
         return tree.worst(), _mechanism(tree)
-    groups = {
-        part: {hand: fit.group(rows) for hand, rows in touched.rows.items() if len(rows) >= FEWEST}
-        for part, touched in others.items()
-    }
-    waiting = {part: (its, others[part].new) for part, its in groups.items() if its}
-    while (bigger := _with_one(fit, tree, waiting)) is not None:
-        tree = bigger
-        waiting = {part: one for part, one in waiting.items() if part not in tree.arrangement.worn}
+    in_vain = 0
+    while in_vain < _DRAWN:
+        # Touches are drawn anew each time: a few of another hand make a part rough.
+        bigger = _with_one(fit, tree, fit.waiting(others, tree))
+        in_vain = in_vain + 1 if bigger is None else 0
+        tree = bigger or tree
+    if len(tree.arrangement.worn) > 1:
+        # Only now do all parts tell.
+        tree = fit.improved(tree, idle=_IDLE)
     return tree.worst(), _mechanism(tree)
 
 
@@ -325,14 +353,30 @@ class _Fit:
         some = np.sort(self.search.random.permutation(rows)[:_LOOKED_AT])
         return Smooth(some, Sensed.of(self.sensation[some]).precision(SEARCHED_NOISE))
 
-    def improved(self, tree: _Tree) -> _Tree:
-        """The best tree that steps from one arrangement to the next lead to."""
-        arrangement, body, idle = tree.arrangement, tree.body, 0
+    def waiting(
+        self, others: dict[int, Touched], tree: _Tree
+    ) -> dict[int, tuple[dict[int, Smooth], list[int]]]:
+        """Of each part that a tree lacks some touches by each hand, and joints that may move it."""
+        found = {}
+        for part, touched in others.items():
+            rows = {hand: its for hand, its in touched.rows.items() if len(its) >= FEWEST}
+            if rows and part not in tree.arrangement.worn:
+                found[part] = {hand: self.group(its) for hand, its in rows.items()}, touched.new
+        return found
+
+    def improved(self, tree: _Tree, idle: int = 1) -> _Tree:
+        """The best tree that steps from one arrangement to the next lead to.
+
+        Args:
+            tree: where it begins.
+            idle: so often in a row no better one must be found.
+        """
+        arrangement, body, in_vain = tree.arrangement, tree.body, 0
         hands = [hand for _, hand in arrangement.touched]
         for _ in range(_MOST_PASSES):
             known = arrangement.joints()
             spare = [joint for joint in self.of_limbs if joint not in known]
-            near = arrangement.near(spare, wide=idle > 0)
+            near = arrangement.near(spare, wide=in_vain > 0)
             bodies = body.pick(np.zeros(len(near), dtype=int))
             for number, (one, fresh, _) in enumerate(near):
                 bodies.ways[number] = [one.way(*pair) for pair in one.touched]
@@ -341,9 +385,9 @@ class _Fit:
             cost = last.loss.sum(axis=1) + [near[number][2] for number in order]
             best = int(np.argmin(cost))
             arrangement, body = near[order[best]][0], last.pick([best])
-            idle = idle + 1 if best == 0 else 0
+            in_vain = in_vain + 1 if best == 0 else 0
             # Where something is rough yet, the right twist may not have been drawn.
-            if idle >= (1 if body.loss.max() < _SMOOTH else _IDLE):
+            if in_vain >= (idle if body.loss.max() < _SMOOTH else _IDLE):
                 break
         return _Tree(arrangement, body, tree.groups)
 
@@ -398,12 +442,13 @@ class _Fit:
         fixed = before.joints() if any(owns) else ()
         order, fitted = self._best(list(groups.values()), bodies, list(groups), fixed=fixed)
         # As joints of limbs do, each of its own has to earn itself.
+        loss = fitted.loss.mean(axis=1)
         earned = [_EARNED * len(arrangements[number].worn[part].own) for number in order]
-        best = int(np.argmin(fitted.loss.sum(axis=1) + earned))
+        best = int(np.argmin(loss + earned))
         # Else the fit left the frame of the body, and brings nothing to it.
         body = fitted.pick([best]) if fixed else bodies.pick([order[best]])
         bigger = _Tree(arrangements[order[best]], body, [*tree.groups, *groups.values()])
-        return float(fitted.loss[best].mean()), part, bigger
+        return float(loss[best]), part, bigger
 
     def _best(
         self, groups: Sequence[Smooth], bodies: Bodies, hands: Sequence[int], **more

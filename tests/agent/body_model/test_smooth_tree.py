@@ -153,3 +153,11 @@ def test_a_part_that_all_hands_are_too_near_to_waits(experience):
     short = limbs(((0, 1), LIMBS[1]))
     _, body = with_parts(search, sensation, others, short, own, [0, 1, 4, 5, 6, 7])
     assert set(body.links.part) == {TRUNK}
+
+
+def test_neighbours_that_change_places_are_also_tried_with_their_axes_where_they_were():
+    two = _Arrangement(LIMBS, {TRUNK: _Place()}, ((TRUNK, 0), (TRUNK, 1)))
+    found = two.near([], wide=False)
+    drawn = [fresh for one, fresh, _ in found if one.orders[0] == (1, 0, 2, 3)]
+    assert sorted(drawn) == [[], [], [0], [1]]
+    assert all(fresh for one, fresh, _ in found if one.orders[0] == (1, 2, 0, 3))
