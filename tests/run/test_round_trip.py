@@ -15,7 +15,7 @@ from selftouch_drake.run.artifacts import stored_pairs
 
 FIELDS = (
     "{babbling: {num_samples: 10000}, representation: {num_targets: 200, metric: sensorimotor}, "
-    "evaluation: {num_pairs: 3, shape_metrics: []}}"
+    "evaluation: {num_pairs: 12, shape_metrics: []}}"
 )
 
 
@@ -55,5 +55,5 @@ def test_the_export_is_found_again_and_its_plans_hold_on_the_original(tmp_path):
             for name in joints_of(original)
         ]
         held.append(original.probe.sensations(np.stack(readings, axis=1)).any(axis=1).mean())
-    assert len(held) == 3
+    assert len(held) == 12
     assert np.mean(held) > 0.99
