@@ -377,7 +377,7 @@ class Imagination:
                 way = way.higher(-spacing * (hand.above(smooth)[0] + skin.pressure))
                 smooth = skin.smoothed(smooth, way, held=True)
             if self._excess(smooth).max() > -_NEAR:
-                smooth = skin.smoothed(smooth, way, self.own_parts, held=True)
+                smooth = skin.smoothed(smooth, way, self._near(smooth), held=True)
             high, above_deep = hand.above(dense(smooth)[_BEGUN * _BETWEEN :])
             leg = Leg(
                 x=smooth,
@@ -428,7 +428,7 @@ class Imagination:
         """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
         x = skin.smoothed(rough, way)
         if self._excess(x).max() > -_NEAR:
-            x = skin.smoothed(x, way, self.own_parts)
+            x = skin.smoothed(x, way, self._near(x))
         beside = any(
             self._lifter(other).presses(x[-1])
             for other in self.surfaces
@@ -453,6 +453,10 @@ class Imagination:
     def _excess(self, x: np.ndarray) -> np.ndarray:
         """As of `OwnParts.excess`, in scaled postures `(n, J)`."""
         return self.own_parts.excess(x / self.representation.joint_scale)
+
+    def _near(self, x: np.ndarray) -> OwnParts:
+        """Own parts that come near each other in scaled postures `(n, J)`."""
+        return self.own_parts.near(x / self.representation.joint_scale)
 
     def _lifter(self, surface: TouchedSurface) -> Lifter:
         """The lifter of a surface within the range of experience."""

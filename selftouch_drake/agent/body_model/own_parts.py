@@ -6,7 +6,7 @@ possible: parts may be as deep in each other as they have been, at that place of
 no skin and touches nothing is not known here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -153,6 +153,14 @@ class OwnParts:
         if not len(self.meetings.mover):
             return np.full(len(q), -np.inf)
         return _over(self.meetings, self.model.link_poses(q))[0].max(axis=0) + self.apart
+
+    def near(self, q: np.ndarray) -> "OwnParts":
+        """Those alone that come near their limits in some of `(n, J)` readings of the joints."""
+        if not len(self.meetings.mover):
+            return self
+        over, _ = _over(self.meetings, self.model.link_poses(q))
+        kept = np.flatnonzero(over.max(axis=1) > -_SEEN - self.apart)
+        return replace(self, meetings=_some(self.meetings, kept))
 
     def pushes(self, q: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What drives own parts away from each other, as least squares have it.
