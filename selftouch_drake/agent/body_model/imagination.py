@@ -50,6 +50,8 @@ _HOPELESS = 0.5
 # Own parts come no nearer to their limit than the first, in distances of kernels; a motion on which
 # they come as near as the second is made smooth once more, so that they keep away.
 _MARGIN, _NEAR = 0.1, 0.2
+# If they are then still in each other, but by less, they are driven farther apart by as much.
+_SLIGHTLY = 0.1
 # Parts that are in each other deeper than ever by one distance of kernels count as so many mu.
 _WORSE_DEEP = 50.0
 # What is pressed beside the goal counts as so many mu.
@@ -259,6 +261,8 @@ class Imagination:
                 if landing[-1].node[-1] == goal:
                     ways.append(landing)
                     break
+                if ways and (landing[-1].x[-1] == x).all():
+                    continue  # it lands where it is, from where it slid
                 best = _best([self._slide(skin, landing[-1].x[-1], goal)])
                 if best is not None:
                     ways.append([*landing, best])
@@ -427,8 +431,17 @@ class Imagination:
     def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
         x = skin.smoothed(rough, way)
-        if self._excess(x).max() > -_NEAR:
-            x = skin.smoothed(x, way, self._near(x))
+        if self._excess(x).max() <= -_NEAR:
+            return self._leg(skin, x, way, goal)
+        near = self._near(x)
+        leg = self._leg(skin, skin.smoothed(x, way, near), way, goal)
+        if 0.0 < leg.deep < _SLIGHTLY:
+            apart = replace(near, apart=near.apart + _SLIGHTLY)
+            leg = self._leg(skin, skin.smoothed(leg.x, way, apart), way, goal)
+        return leg
+
+    def _leg(self, skin: Lifter, x: np.ndarray, way: SkinWay, goal: int) -> Leg:
+        """A motion `(T, J)` over the skin, and what may go wrong on it."""
         beside = any(
             self._lifter(other).presses(x[-1])
             for other in self.surfaces
