@@ -278,6 +278,26 @@ def _exponentials(twists, motions):
             motion[0, axis], motion[1, axis], motion[2, axis] = x, y, z
 
 
+@compiled
+def carry(motions, order, parent, poses):
+    """Fills in the poses of links, each moved by its own joint and carried by another link.
+
+    Args:
+        motions: `(n, J, 4, 4)` of each joint.
+        order: joints to fill in, each after that which carries it.
+        parent: `(J,)` the link that carries each joint's own; -1 is the last one.
+        poses: `(n, L, 4, 4)`, those of the links that carry the first ones filled in.
+    """
+    for row in range(len(motions)):
+        for joint in order:
+            own, below, above = motions[row, joint], poses[row, parent[joint]], poses[row, joint]
+            for i in range(4):
+                for j in range(4):
+                    above[i, j] = 0.0
+                    for k in range(4):
+                        above[i, j] += below[i, k] * own[k, j]
+
+
 def adjoint(motion: np.ndarray, twist: np.ndarray) -> np.ndarray:
     """`(..., 6)` twists seen from another frame: `motion @ exp(twist) @ inv(motion)`.
 

@@ -36,7 +36,7 @@ _KNOTS, _BETWEEN = 50, 4
 _BEGUN = 3
 # Postures of the goal from which motions are begun; those that are made smooth if one of them keeps
 # contact, else all are; and good ones that are enough.
-_GOALS, _TRIED, _ENOUGH = 10, 5, 2
+_GOALS, _TRIED, _ENOUGH = 10, 5, 1
 # Places at which a motion may end, and touches about each that tell what is felt there.
 _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
@@ -411,7 +411,7 @@ class Imagination:
 
     def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
         """A motion through firm touches, where the straight way asks too much of the joints."""
-        most = self._most_deep(x)
+        most = max(float(self._excess(x[None])[0]), -_MARGIN)
 
         def too_deep(x: np.ndarray) -> np.ndarray:
             return self._excess(x) > most
@@ -457,11 +457,9 @@ class Imagination:
 
     def _deep(self, x: np.ndarray) -> float:
         """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
-        return max(0.0, float(self._excess(x).max()) - self._most_deep(x[0]))
-
-    def _most_deep(self, x: np.ndarray) -> float:
-        """How deep own parts may be on a motion: as in its first posture, which is given."""
-        return max(float(self._excess(x[None])[0]), -_MARGIN)
+        excess = self._excess(x)
+        # As deep as in its first posture, which is given.
+        return max(0.0, float(excess.max() - max(excess[0], -_MARGIN)))
 
     def _excess(self, x: np.ndarray) -> np.ndarray:
         """As of `OwnParts.excess`, in scaled postures `(n, J)`."""

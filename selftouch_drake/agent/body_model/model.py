@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from selftouch_drake.agent.body_model.chain import exponentials
+from selftouch_drake.agent.body_model.chain import carry, exponentials
 from selftouch_drake.agent.body_model.scene import BLUNT
 from selftouch_drake.agent.body_model.support import (
     beside,
@@ -273,8 +273,7 @@ class BodyModel(Record):
         poses = np.full((len(q), len(self.joint_names) + 1, 4, 4), np.nan)
         poses[:, BASE] = np.eye(4)
         own = exponentials(q[:, :, None] * self.twists).reshape(*q.shape, 4, 4)
-        for joint in self._parents_first():
-            poses[:, joint] = poses[:, self.joint_parent[joint]] @ own[:, joint]
+        carry(own, self._parents_first(), self.joint_parent, poses)
         return poses
 
     def place(self, q: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -437,9 +436,9 @@ class BodyModel(Record):
         found[np.isnan(self.kernel_place[target]).any(axis=1)] = np.nan
         return found
 
-    def _parents_first(self) -> list[int]:
+    def _parents_first(self) -> np.ndarray:
         used = np.flatnonzero(self.used).tolist()
-        return sorted(used, key=lambda joint: len(self.chain(joint)))
+        return np.array(sorted(used, key=lambda joint: len(self.chain(joint))), dtype=int)
 
     def _checked_q(self, q: np.ndarray) -> np.ndarray:
         q, num_joints = np.asarray(q, dtype=float), len(self.joint_names)
