@@ -60,7 +60,9 @@ def target_sensations(
         ValueError: there are fewer distinct sensations than targets.
     """
     points = unit(sensation)
-    start = _farthest_rows(points, num_targets)
+    # A touch is felt by few of the receptors: sums over those alone.
+    felt = csr_array(points)
+    start = _farthest_rows(felt, num_targets)
     if len(start) == 1:
         raise ValueError("sensation is the same in every row: record touches at more places")
     if len(start) < num_targets and not or_fewer:
@@ -75,7 +77,7 @@ def target_sensations(
             (np.ones(len(points), np.float32), (label, np.arange(len(points)))),
             shape=(len(start), len(points)),
         )
-        total = cells @ points
+        total = (cells @ felt).toarray()
         norm = np.linalg.norm(total, axis=1, keepdims=True)
         centres = np.divide(total, norm, out=centres, where=norm > 0)
     return _without_empty_cells(points, centres)
@@ -120,14 +122,14 @@ def angles(sensations: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     return 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
 
 
-def _farthest_rows(points: np.ndarray, number: int) -> np.ndarray:
+def _farthest_rows(points: csr_array, number: int) -> np.ndarray:
     """Rows of `(n, S)` unit vectors, from row 0 on, each the farthest from all that were picked.
 
     They are fewer if all others are the same as one that was picked.
     """
     picked = [0]
     nearest = _squared_distances(points, 0)
-    while len(picked) < min(number, len(points)):
+    while len(picked) < min(number, points.shape[0]):
         farthest = int(nearest.argmax())
         if nearest[farthest] < _SAME:
             break
@@ -136,9 +138,9 @@ def _farthest_rows(points: np.ndarray, number: int) -> np.ndarray:
     return np.array(picked)
 
 
-def _squared_distances(points: np.ndarray, row: int) -> np.ndarray:
+def _squared_distances(points: csr_array, row: int) -> np.ndarray:
     """`(n,)` squared distances of `(n, S)` unit vectors from one of them."""
-    return 2.0 - 2.0 * (points @ points[row])
+    return 2.0 - 2.0 * (points @ points[[row]].toarray()[0])
 
 
 def _without_empty_cells(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
