@@ -34,9 +34,9 @@ from selftouch_drake.quotient.smooth import path_length, smooth_path
 _KNOTS, _BETWEEN = 50, 4
 # Knots at the start that do not count: a light touch becomes firm there.
 _BEGUN = 3
-# Postures of the goal from which motions are begun; those that are made smooth if one of them keeps
-# contact, else all are; and good ones that are enough.
-_GOALS, _TRIED, _ENOUGH = 10, 5, 1
+# Postures of the goal from which motions are begun, and those that are made smooth, until one is
+# good, if one of them keeps contact; else all are.
+_GOALS, _TRIED = 10, 5
 # Places at which a motion may end, and touches about each that tell what is felt there.
 _PLACES, _AMONG = 60, 20
 # A motion that is farther from its way across the skin than this may lose it; one of that much
@@ -405,7 +405,7 @@ class Imagination:
                 break
             found.append(self._smooth(skin, rough[number], way, goal))
             keeps = len(found) >= _TRIED and any(leg.error <= _MISSED for leg in found)
-            if keeps or sum(leg.good for leg in found) >= _ENOUGH:
+            if keeps or found[-1].good:
                 break
         return sorted(found, key=lambda leg: leg.cost)
 
