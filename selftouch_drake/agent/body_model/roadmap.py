@@ -99,8 +99,8 @@ class Roadmap:
             passed = self._possible_way(x, steps, cost, start)
             if passed is None:
                 return None
-            samples, _ = self._sampled(x[passed[:-1]], x[passed[1:]])
-            on_skin = self._put(np.concatenate(samples))[0]
+            samples, count, _ = self._sampled(x[passed[:-1]], x[passed[1:]])
+            on_skin = self._put(samples)[0]
             on_skin[0] = x[start]
             first = on_skin if first is None else first
             if too_deep is None:
@@ -108,7 +108,7 @@ class Roadmap:
             deep = too_deep(on_skin)
             if not deep.any():
                 return on_skin
-            step_of = np.repeat(steps.numbers(passed), [len(some) for some in samples])
+            step_of = np.repeat(steps.numbers(passed), count)
             cost[np.unique(step_of[deep])] *= _DEEPER
         return first
 
@@ -138,9 +138,9 @@ class Roadmap:
         found = [np.zeros(0, dtype=bool)]
         for at in range(0, len(start), _AT_ONCE):
             some = slice(at, at + _AT_ONCE)
-            samples, straight = self._sampled(start[some], end[some])
-            x, off = self._put(np.concatenate(samples))
-            ends = np.cumsum([0, *map(len, samples)])
+            samples, count, straight = self._sampled(start[some], end[some])
+            x, off = self._put(samples)
+            ends = np.cumsum([0, *count])
             step = np.linalg.norm(np.diff(x, axis=0, append=x[-1:]), axis=1)
             step[ends[1:] - 1] = 0.0  # from one step to the next
             longest = np.maximum.reduceat(step, ends[:-1])
@@ -148,16 +148,20 @@ class Roadmap:
             found.append((longest <= _JUMP * straight) & (farthest <= _OFF))
         return np.concatenate(found)
 
-    def _sampled(self, start: np.ndarray, end: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Samples `(m, J)` of straight steps, and `(n,)` mu between two of them, at least 0.1."""
+    def _sampled(
+        self, start: np.ndarray, end: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Samples of n straight steps, one after another, `(m, J)`.
+
+        And `(n,)` how many are of each step, and the mu between two of them, at least 0.1.
+        """
         length = np.linalg.norm((end - start)[:, self._surface.reach.joints], axis=1)
-        count = np.ceil(length / _SAMPLED).astype(int) + 1
-        count = np.maximum(count, 2)
-        samples = [
-            a + np.linspace(0.0, 1.0, num)[:, None] * (b - a)
-            for a, b, num in zip(start, end, count, strict=True)
-        ]
-        return samples, np.maximum(length / (count - 1), 0.1)
+        count = np.maximum(np.ceil(length / _SAMPLED).astype(int) + 1, 2)
+        step = np.repeat(np.arange(len(count)), count)
+        number = np.arange(len(step)) - (np.cumsum(count) - count)[step]
+        share = number / (count - 1)[step]
+        samples = start[step] + share[:, None] * (end - start)[step]
+        return samples, count, np.maximum(length / (count - 1), 0.1)
 
     def _put(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Postures `(n, J)` put onto the skin below them, and how far they miss it.
