@@ -386,6 +386,11 @@ def test_own_parts_push_each_other_away(cube, monkeypatch):
     cost, slope, square = own.pushes(q, margin)
     assert (cost > 0).any()
     assert np.array_equal(cost > 0, own.excess(q) > -margin)
+    # Those that come near on a motion push as all do, and far from the skin none does.
+    assert np.array_equal(own.near(q).pushes(q, margin)[0], cost)
+    none = far_away(own).near(q)
+    assert not none.pushes(q, margin)[0].any()
+    assert np.isneginf(none.excess(q)).all()
     for joint in range(q.shape[1]):
         step = np.zeros(q.shape[1])
         step[joint] = 1e-6
@@ -406,6 +411,13 @@ def test_own_parts_push_each_other_away(cube, monkeypatch):
         return own.excess(motion[1:] / representation.joint_scale).max()
 
     assert deepest(pushed) < deepest(free) - 0.05
+
+
+def far_away(own):
+    """Own parts whose balls are far from where they were."""
+    balls, around = own.meetings.balls.copy(), own.meetings.around.copy()
+    balls[:, 0] = around[:, 0] = 1e3
+    return dataclasses.replace(own, meetings=own.meetings._replace(balls=balls, around=around))
 
 
 def lifter_of(surface, representation):
