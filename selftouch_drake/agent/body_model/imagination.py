@@ -352,7 +352,7 @@ class Imagination:
             found += self._best_smooth(skin, skin.blended(x, lived, way), way, goal)
         best = min(found, key=lambda leg: leg.cost)
         if not best.good:
-            about = self._round_about(skin, x, near, goal)
+            about = self._round_about(skin, x, near, place[-1], goal)
             if about is not None and about.cost < best.cost:
                 return about
         return best
@@ -409,8 +409,13 @@ class Imagination:
                 break
         return sorted(found, key=lambda leg: leg.cost)
 
-    def _round_about(self, skin: Lifter, x: np.ndarray, goals: np.ndarray, goal: int) -> Leg | None:
-        """A motion through firm touches, where the straight way asks too much of the joints."""
+    def _round_about(
+        self, skin: Lifter, x: np.ndarray, goals: np.ndarray, end: np.ndarray, goal: int
+    ) -> Leg | None:
+        """A motion through firm touches, where the straight way asks too much of the joints.
+
+        Touches of the goal that are cheap to reach may be at its border: it is led to its end.
+        """
         most = max(float(self._excess(x[None])[0]), -_MARGIN)
 
         def too_deep(x: np.ndarray) -> np.ndarray:
@@ -420,13 +425,12 @@ class Imagination:
         if passed is None:
             return None
         way, loose = _evenly_over(skin, passed, eased=_EASED)
-        taut = pulled_taut(skin, loose, way.place[-1])
         # Where the joints turn fast it needs more knots.
-        over, x_taut = _evenly_over(skin, taut)
-        leg = self._smooth(skin, x_taut, over, goal)
+        over, taut = _evenly_over(skin, pulled_taut(skin, loose, end))
+        leg = self._smooth(skin, taut, over.ending(end), goal)
         if leg.good:
             return leg
-        return min(leg, self._smooth(skin, loose, way, goal), key=lambda leg: leg.cost)
+        return min(leg, self._smooth(skin, loose, way.ending(end), goal), key=lambda leg: leg.cost)
 
     def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""

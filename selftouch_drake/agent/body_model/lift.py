@@ -52,6 +52,10 @@ class SkinWay:
         """The way, `(T,)` higher above the skin."""
         return replace(self, place=self.place + by[:, None] * self.normal)
 
+    def ending(self, end: np.ndarray) -> "SkinWay":
+        """The way with `(3,)` another last place."""
+        return replace(self, place=np.concatenate([self.place[:-1], end[None]]))
+
     def weight(self) -> np.ndarray:
         """`(T, 3, 3)` roots of the weights of errors of the place."""
         across = np.einsum("ta,tb->tab", self.normal, self.normal)

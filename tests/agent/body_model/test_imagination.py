@@ -260,9 +260,13 @@ def test_what_practice_finds_wrong_is_pressed_more_then_planned_as_the_paper_doe
     representation, model, _ = cube
     slider = Slider(still, representation.joint_scale)
     q, start, goal = next(starts(representation, 1, seed=5))
-    # A finger that is far from where the model has it.
-    wrong = dataclasses.replace(model, toucher_place=model.toucher_place + 1.5)
+    # A finger that is far from where the model has it; it still knows ways over that skin, and does
+    # not only lift off and land, which no error of the model spoils.
+    wrong = dataclasses.replace(model, toucher_place=model.toucher_place + 1.0)
     agent = Agent.of(representation, body_model=wrong)
+    imagined = agent.plan(start, goal, q_start=q)
+    assert imagined.is_imagined
+    assert not imagined.in_air.any()
     found = practise(agent, slider, [start, goal], q_start=q)
     paper = practise(agent.without_model(), slider, [start, goal], q_start=q)
     assert found.agent.body_model is wrong
