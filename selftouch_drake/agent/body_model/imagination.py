@@ -380,8 +380,9 @@ class Imagination:
             for _ in range(_SETTLED):
                 way = way.higher(-spacing * (hand.above(smooth)[0] + skin.pressure))
                 smooth = skin.smoothed(smooth, way, held=True)
-            if self._excess(smooth).max() > -_NEAR:
-                smooth = skin.smoothed(smooth, way, self._near(smooth), held=True)
+            near = self._near(smooth)
+            if near is not None:
+                smooth = skin.smoothed(smooth, way, near, held=True)
             high, above_deep = hand.above(dense(smooth)[_BEGUN * _BETWEEN :])
             leg = Leg(
                 x=smooth,
@@ -416,7 +417,7 @@ class Imagination:
 
         Touches of the goal that are cheap to reach may be at its border: it is led to its end.
         """
-        most = max(float(self._excess(x[None])[0]), -_MARGIN)
+        most = _most_deep(self._excess(x[None]))
 
         def too_deep(x: np.ndarray) -> np.ndarray:
             return self._excess(x) > most
@@ -435,9 +436,9 @@ class Imagination:
     def _smooth(self, skin: Lifter, rough: np.ndarray, way: SkinWay, goal: int) -> Leg:
         """A rough motion `(T, J)` made smooth, and own parts kept apart where they would meet."""
         x = skin.smoothed(rough, way)
-        if self._excess(x).max() <= -_NEAR:
-            return self._leg(skin, x, way, goal)
         near = self._near(x)
+        if near is None:
+            return self._leg(skin, x, way, goal)
         leg = self._leg(skin, skin.smoothed(x, way, near), way, goal)
         if 0.0 < leg.deep < _SLIGHTLY:
             apart = replace(near, apart=near.apart + _SLIGHTLY)
@@ -462,16 +463,17 @@ class Imagination:
     def _deep(self, x: np.ndarray) -> float:
         """How much deeper than they may own parts are in each other in a motion `(n, J)`."""
         excess = self._excess(x)
-        # As deep as in its first posture, which is given.
-        return max(0.0, float(excess.max() - max(excess[0], -_MARGIN)))
+        return max(0.0, float(excess.max()) - _most_deep(excess))
 
     def _excess(self, x: np.ndarray) -> np.ndarray:
         """As of `OwnParts.excess`, in scaled postures `(n, J)`."""
         return self.own_parts.excess(x / self.representation.joint_scale)
 
-    def _near(self, x: np.ndarray) -> OwnParts:
-        """Own parts that come near each other in scaled postures `(n, J)`."""
-        return self.own_parts.near(x / self.representation.joint_scale)
+    def _near(self, x: np.ndarray) -> OwnParts | None:
+        """Own parts that come near each other on a motion `(n, J)`; None if none comes too near."""
+        q = x / self.representation.joint_scale
+        near = self.own_parts.near(q)
+        return near if near.excess(q).max() > -_NEAR else None
 
     def _lifter(self, surface: TouchedSurface) -> Lifter:
         """The lifter of a surface within the range of experience."""
@@ -590,6 +592,11 @@ def _evenly_over(skin: Lifter, x: np.ndarray, *, eased: int = 0) -> tuple[SkinWa
     put[1:, joints] = keys[1:, 3:]
     put[1:] = skin.put(put[1:], way.place[1:], way.normal[1:])
     return way, put
+
+
+def _most_deep(excess: np.ndarray) -> float:
+    """How deep own parts may be on a motion: as in its first posture, which is given."""
+    return max(float(excess[0]), -_MARGIN)
 
 
 def _felt_on(skin: Lifter, x: np.ndarray, goal: int) -> np.ndarray:
